@@ -1,0 +1,98 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Output files that appear under their name only once complete. */
+#include "atomic_file.h"
+#include "scene.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static void release(atomic_file *f)
+{
+    free(f->path);
+    free(f->target);
+    free(f->temporary);
+    *f = (atomic_file){0};
+}
+
+static char *copy_string(const char *s)
+{
+    size_t size = strlen(s) + 1;
+    return memcpy(xmalloc(size), s, size);
+}
+
+/* A new file with the permissions the umask grants (mkstemp would make it private), or -1 with errno. */
+static int create_beside(const char *target, char *name, size_t size)
+{
+    for (int attempt = 0; attempt < 100; ++attempt) {
+        snprintf(name, size, "%s.%ld-%d.tmp", target, (long)getpid(), attempt);
+        int fd = open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (fd >= 0 || errno != EEXIST)
+            return fd;
+    }
+    return -1;
+}
+
+bool atomic_open(atomic_file *f, const char *path, message *err)
+{
+    *f = (atomic_file){0};
+    struct stat info;
+    bool exists = stat(path, &info) == 0;
+    /* Renaming over a device or a pipe would replace it by a file. */
+    if (exists && !S_ISREG(info.st_mode))
+        return fail(err, "cannot write %s: %s", path, S_ISDIR(info.st_mode) ? "it is a folder" : "not a regular file");
+
+    f->path = copy_string(path);
+    f->target = exists ? realpath(path, NULL) : NULL;
+    if (!f->target)
+        f->target = copy_string(path);
+    size_t size = strlen(f->target) + 48;
+    f->temporary = xmalloc(size);
+    int fd = create_beside(f->target, f->temporary, size);
+    if (fd >= 0) {
+        f->stream = fdopen(fd, "wb");
+        if (f->stream)
+            return true;
+        int error = errno;
+        close(fd);
+        unlink(f->temporary);
+        errno = error;
+    }
+    fail(err, "cannot write %s: %s", path, strerror(errno));
+    release(f);
+    return false;
+}
+
+bool atomic_commit(atomic_file *f, message *err)
+{
+    bool good = !ferror(f->stream);
+    int error = EIO;
+    if (good && fflush(f->stream) != 0) {
+        error = errno;
+        good = false;
+    }
+    if (fclose(f->stream) != 0 && good) {
+        error = errno;
+        good = false;
+    }
+    if (good && rename(f->temporary, f->target) != 0) {
+        error = errno;
+        good = false;
+    }
+    if (!good) {
+        unlink(f->temporary);
+        fail(err, "cannot write %s: %s", f->path, strerror(error));
+    }
+    release(f);
+    return good;
+}
+
+void atomic_abort(atomic_file *f)
+{
+    fclose(f->stream);
+    unlink(f->temporary);
+    release(f);
+}

@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Environment light. Directions are drawn from a piecewise-constant density over the texels (Pharr, Jakob, Humphreys,
+ * "Physically Based Rendering", 4th ed., Sect. 12.5.2), here constant per steradian instead of per (u, v). */
+#include "environment.h"
+#include "scene.h"
+
+#include <float.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct environment {
+    rgb uniform; /* the radiance where width == 0 */
+    rgb mean;
+    uint32_t width, height;
+    rgb *pixels;
+    float *density;  /* per texel: 1 / sr; all 0 for a black map */
+    float *columns;  /* per row: width + 1 cumulative probabilities of its texels */
+    float *rows;     /* height + 1 cumulative probabilities of the rows */
+    double *cosines; /* height + 1: cos of the polar angle at the upper edge of each row */
+    bool black;      /* nothing to prefer: drawn uniformly */
+};
+
+static const double pi = 3.14159265358979323846;
+enum { MAX_SIDE = 1 << 20 }; /* single-precision coordinates still tell texels apart */
+#define UNIFORM_DENSITY (0.25f / PI_F)
+
+environment *environment_uniform(rgb radiance)
+{
+    environment *e = xcalloc(1, sizeof *e);
+    e->uniform = e->mean = radiance;
+    return e;
+}
+
+void environment_free(environment *e)
+{
+    if (!e)
+        return;
+    free(e->pixels);
+    free(e->density);
+    free(e->columns);
+    free(e->rows);
+    free(e->cosines);
+    free(e);
+}
+
+/* Continuous texel coordinates of a direction; atan2 keeps its precision at the poles, where acos(y) loses it. */
+static void direction_to_map(const environment *e, vec3 d, float *s, float *t)
+{
+    float u = 0.5f + atan2f(d.x, -d.z) * (0.5f / PI_F);
+    float v = atan2f(sqrtf(d.x * d.x + d.z * d.z), d.y) * (1.0f / PI_F);
+    *s = u * (float)e->width;
+    *t = v * (float)e->height;
+}
+
+static uint32_t clamp_index(float x, uint32_t count)
+{
+    if (!(x > 0.0f))
+        return 0;
+    return x < (float)(count - 1) ? (uint32_t)x : count - 1;
+}
+
+static size_t texel_of(const environment *e, vec3 d)
+{
+    float s, t;
+    direction_to_map(e, d, &s, &t);
+    return (size_t)clamp_index(t, e->height) * e->width + clamp_index(s, e->width);
+}
+
+static rgb mix(rgb a, rgb b, float t)
+{
+    return v3_mad(v3_scale(a, 1.0f - t), t, b);
+}
+
+rgb environment_radiance(const environment *e, vec3 direction)
+{
+    if (e->width == 0)
+        return e->uniform;
+    float s, t;
+    direction_to_map(e, direction, &s, &t);
+    float s0 = floorf(s - 0.5f), t0 = floorf(t - 0.5f);
+    float fs = s - 0.5f - s0, ft = t - 0.5f - t0;
+    /* The seam wraps around in u; the poles repeat their row. */
+    uint32_t i0 = s0 < 0.0f ? e->width - 1 : clamp_index(s0, e->width);
+    uint32_t i1 = i0 + 1 < e->width ? i0 + 1 : 0;
+    uint32_t j0 = clamp_index(t0, e->height), j1 = clamp_index(t0 + 1.0f, e->height);
+    const rgb *upper = e->pixels + (size_t)j0 * e->width, *lower = e->pixels + (size_t)j1 * e->width;
+    return mix(mix(upper[i0], upper[i1], fs), mix(lower[i0], lower[i1], fs), ft);
+}
+
+/* --- preparation --- */
+
+static size_t copy_pixels(environment *e, const image *map)
+{
+    size_t repaired = 0, count = (size_t)e->width * e->height;
+    for (size_t i = 0; i < count; ++i) {
+        float c[3] = {map->pixels[i].x, map->pixels[i].y, map->pixels[i].z};
+        bool bad = false;
+        for (int k = 0; k < 3; ++k)
+            if (!(c[k] >= 0.0f && c[k] <= FLT_MAX)) {
+                c[k] = 0.0f;
+                bad = true;
+            }
+        repaired += bad;
+        e->pixels[i] = v3(c[0], c[1], c[2]);
+    }
+    return repaired;
+}
+
+static double texel_luminance(const environment *e, uint32_t i, uint32_t j)
+{
+    rgb c = e->pixels[(size_t)j * e->width + i];
+    return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
+}
+
+/* Mean over a texel's square of the bilinear lookup: 1 6 1 over 8 along each axis. So the density follows what the lookup
+ * gives, and is positive in every texel into which a bright neighbour bleeds. */
+static double lookup_luminance(const environment *e, uint32_t i, uint32_t j)
+{
+    uint32_t is[3] = {i > 0 ? i - 1 : e->width - 1, i, i + 1 < e->width ? i + 1 : 0};
+    uint32_t js[3] = {j > 0 ? j - 1 : 0, j, j + 1 < e->height ? j + 1 : j};
+    static const double weight[3] = {0.125, 0.75, 0.125};
+    double sum = 0.0;
+    for (int y = 0; y < 3; ++y)
+        for (int x = 0; x < 3; ++x)
+            sum += weight[y] * weight[x] * texel_luminance(e, is[x], js[y]);
+    return sum;
+}
+
+static void build_density(environment *e, double *texels, double *row_sums)
+{
+    double total = 0.0;
+    for (uint32_t j = 0; j < e->height; ++j) {
+        double solid_angle = 2.0 * pi * (e->cosines[j] - e->cosines[j + 1]) / e->width, sum = 0.0;
+        float *columns = e->columns + (size_t)j * (e->width + 1);
+        for (uint32_t i = 0; i < e->width; ++i) {
+            double l = lookup_luminance(e, i, j);
+            texels[i] = l * solid_angle;
+            sum += texels[i];
+            /* Not yet divided by the total; however dim, what is not black stays positive. */
+            e->density[(size_t)j * e->width + i] = l > 0.0 ? (float)fmax(l, FLT_TRUE_MIN) : 0.0f;
+        }
+        double running = 0.0;
+        for (uint32_t i = 0; i < e->width && sum > 0.0; ++i) {
+            running += texels[i];
+            columns[i + 1] = (float)(running / sum);
+        }
+        columns[e->width] = 1.0f;
+        row_sums[j] = sum;
+        total += sum;
+    }
+    e->black = !(total > 0.0);
+    double running = 0.0;
+    for (uint32_t j = 0; j < e->height && !e->black; ++j) {
+        running += row_sums[j];
+        e->rows[j + 1] = (float)(running / total);
+        for (uint32_t i = 0; i < e->width; ++i) {
+            float *d = &e->density[(size_t)j * e->width + i];
+            *d = *d > 0.0f ? (float)fmax(*d / total, FLT_MIN) : 0.0f;
+        }
+    }
+    e->rows[e->height] = 1.0f;
+}
+
+/* The exact mean of the bilinear lookup: a row weighs as much as its hat function times sin(theta) integrates to. */
+static rgb mean_radiance(const environment *e)
+{
+    double step = pi / e->height, mean[3] = {0.0, 0.0, 0.0};
+    for (uint32_t j = 0; j < e->height; ++j) {
+        double centre = (j + 0.5) * step, above = centre - step, below = centre + step;
+        double rising = (sin(centre) - sin(above)) / step - cos(centre);
+        double falling = cos(centre) - (sin(below) - sin(centre)) / step;
+        if (j == 0)
+            rising = 1.0 - cos(centre);
+        if (j + 1 == e->height)
+            falling = cos(centre) + 1.0;
+        double sum[3] = {0.0, 0.0, 0.0};
+        const rgb *row = e->pixels + (size_t)j * e->width;
+        for (uint32_t i = 0; i < e->width; ++i) {
+            sum[0] += row[i].x;
+            sum[1] += row[i].y;
+            sum[2] += row[i].z;
+        }
+        for (int k = 0; k < 3; ++k)
+            mean[k] += 0.5 * (rising + falling) * sum[k] / e->width;
+    }
+    return v3((float)mean[0], (float)mean[1], (float)mean[2]);
+}
+
+bool environment_from_image(const image *map, environment **out, message *err)
+{
+    *out = NULL;
+    if (map->width == 0 || map->height == 0 || !map->pixels)
+        return fail(err, "the environment map is empty");
+    if (map->width > MAX_SIDE || map->height > MAX_SIDE)
+        return fail(err, "the environment map has more than %d pixels along a side", MAX_SIDE);
+    environment *e = xcalloc(1, sizeof *e);
+    e->width = map->width;
+    e->height = map->height;
+    size_t count = (size_t)map->width * map->height;
+    e->pixels = malloc(count * sizeof *e->pixels);
+    e->density = calloc(count, sizeof *e->density);
+    e->columns = calloc(count + map->height, sizeof *e->columns);
+    e->rows = calloc((size_t)map->height + 1, sizeof *e->rows);
+    e->cosines = calloc((size_t)map->height + 1, sizeof *e->cosines);
+    double *texels = calloc(map->width, sizeof *texels), *row_sums = calloc(map->height, sizeof *row_sums);
+    bool good = e->pixels && e->density && e->columns && e->rows && e->cosines && texels && row_sums;
+    if (good) {
+        size_t repaired = copy_pixels(e, map);
+        if (repaired > 0)
+            notice("environment map: negative or non-finite values of %zu pixels were set to 0", repaired);
+        for (uint32_t j = 0; j <= e->height; ++j)
+            e->cosines[j] = cos(pi * j / e->height);
+        build_density(e, texels, row_sums);
+        e->mean = mean_radiance(e);
+        *out = e;
+    } else {
+        environment_free(e);
+        fail(err, "no memory for an environment map of %u x %u pixels", (unsigned)map->width, (unsigned)map->height);
+    }
+    free(texels);
+    free(row_sums);
+    return good;
+}
+
+bool environment_load(const char *path, environment **out, message *err)
+{
+    *out = NULL;
+    image map;
+    if (!image_load(path, &map, err))
+        return false;
+    bool good = environment_from_image(&map, out, err);
+    image_free(&map);
+    return good;
+}
+
+/* --- sampling --- */
+
+/* The interval of cumulative[0 ... count] that holds u, never an empty one; *inside is the place of u in it. */
+static uint32_t find_interval(const float *cumulative, uint32_t count, float u, float *inside)
+{
+    u = fminf(u, 0x1.fffffep-1f);
+    uint32_t low = 0, high = count; /* cumulative[low] <= u < cumulative[high] */
+    while (high - low > 1) {
+        uint32_t middle = low + (high - low) / 2;
+        if (cumulative[middle] <= u)
+            low = middle;
+        else
+            high = middle;
+    }
+    *inside = (u - cumulative[low]) / (cumulative[low + 1] - cumulative[low]);
+    return low;
+}
+
+static vec3 spherical(double u, double cos_theta)
+{
+    double sin_theta = sqrt(fmax(0.0, 1.0 - cos_theta * cos_theta)), phi = 2.0 * pi * (u - 0.5);
+    return v3((float)(sin_theta * sin(phi)), (float)cos_theta, (float)(-sin_theta * cos(phi)));
+}
+
+vec3 environment_sample(const environment *e, float u1, float u2, rgb *radiance, float *pdf)
+{
+    vec3 d;
+    if (e->width == 0 || e->black) {
+        d = spherical(u2, 1.0 - 2.0 * u1);
+        *pdf = UNIFORM_DENSITY;
+    } else {
+        float along, down;
+        uint32_t j = find_interval(e->rows, e->height, u1, &down);
+        uint32_t i = find_interval(e->columns + (size_t)j * (e->width + 1), e->width, u2, &along);
+        d = spherical(((double)i + along) / e->width, e->cosines[j] + down * (e->cosines[j + 1] - e->cosines[j]));
+        /* Looked up again by direction, as environment_pdf does: rounding may have moved it into the next texel. */
+        size_t texel = texel_of(e, d);
+        if (!(e->density[texel] > 0.0f)) {
+            texel = (size_t)j * e->width + i;
+            d = spherical((i + 0.5) / e->width, 0.5 * (e->cosines[j] + e->cosines[j + 1]));
+        }
+        *pdf = e->density[texel];
+    }
+    *radiance = environment_radiance(e, d);
+    return d;
+}
+
+float environment_pdf(const environment *e, vec3 direction)
+{
+    return e->width == 0 || e->black ? UNIFORM_DENSITY : e->density[texel_of(e, direction)];
+}
+
+rgb environment_mean(const environment *e)
+{
+    return e->mean;
+}

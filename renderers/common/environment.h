@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Environment light: an equirectangular map (Radiance .hdr or OpenEXR) or a uniform sky, with importance sampling.
+ * World convention: y up; row 0 of the map looks at +y; direction (x, y, z) maps to
+ * u = 0.5 + atan2(x, -z) / (2 pi), v = acos(y) / pi. Read-only after creation: shared by threads. */
+#ifndef COMMON_ENVIRONMENT_H
+#define COMMON_ENVIRONMENT_H
+
+#include "image.h"
+#include "message.h"
+#include "vec.h"
+
+#include <stdbool.h>
+
+typedef struct environment environment;
+
+environment *environment_uniform(rgb radiance);
+/* Takes width x height pixels of the image (copied). Negative or non-finite pixels are set to 0 with a notice. */
+bool environment_from_image(const image *map, environment **out, message *err);
+bool environment_load(const char *path, environment **out, message *err);
+void environment_free(environment *e);
+
+/* Radiance seen along unit `direction` (away from the scene), bilinear. */
+rgb environment_radiance(const environment *e, vec3 direction);
+/* Draws a unit direction towards the light from (u1, u2) in [0,1)^2, with its radiance and its density per steradian
+ * (> 0 wherever the radiance is > 0). */
+vec3 environment_sample(const environment *e, float u1, float u2, rgb *radiance, float *pdf);
+/* Density per steradian with which environment_sample draws `direction`. */
+float environment_pdf(const environment *e, vec3 direction);
+/* Mean radiance over the sphere. */
+rgb environment_mean(const environment *e);
+
+#endif

@@ -1,0 +1,262 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "compare.h"
+
+#include <stdarg.h>
+#include <string.h>
+
+static int by_size(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, int count)
+{
+    qsort(values, (size_t)count, sizeof *values, by_size);
+    return count % 2 ? values[count / 2] : 0.5 * (values[count / 2 - 1] + values[count / 2]);
+}
+
+double comparison_ratio(const comparison *c, bool shade, double *low, double *high)
+{
+    double ratios[RUNS_MAX];
+    for (int i = 0; i < c->runs; i++)
+        ratios[i] = shade ? c->exact[i].shade_s / c->mode[i].shade_s : c->exact[i].frame_s / c->mode[i].frame_s;
+    double middle = median(ratios, c->runs);
+    *low = ratios[0];
+    *high = ratios[c->runs - 1];
+    return middle;
+}
+
+times comparison_median(const times *t, int count)
+{
+    double frames[RUNS_MAX], shades[RUNS_MAX];
+    for (int i = 0; i < count; i++) {
+        frames[i] = t[i].frame_s;
+        shades[i] = t[i].shade_s;
+    }
+    return (times){median(frames, count), median(shades, count)};
+}
+
+static times times_of(const frame *f)
+{
+    return (times){f->frame_s, f->shade_s};
+}
+
+bool comparison_single(const view *v, bool quiet, comparison *out, message *err)
+{
+    memset(out, 0, sizeof *out);
+    out->view = v;
+    out->mispredicted = -1.0;
+    if (!frame_render(v, "rendering", quiet, NULL, NULL, &out->mode_frame, err))
+        return false;
+    out->mode[0] = times_of(&out->mode_frame);
+    return true;
+}
+
+bool comparison_run(const view *v, int runs, bool quiet, comparison *out, message *err)
+{
+    memset(out, 0, sizeof *out);
+    out->view = v;
+    out->mispredicted = -1.0;
+    view exact = *v;
+    exact.settings.visibility = VISIBILITY_EXACT;
+    truth known = {0};
+    bool ok = true;
+    for (int i = runs > 1 ? -1 : 0; i < runs && ok; i++) {
+        frame_free(&out->exact_frame);
+        frame_free(&out->mode_frame);
+        /* the truth is taken down once, and not in a run that is timed against others */
+        bool first = !known.tiles;
+        ok = frame_render(&exact, "exact", quiet, first ? &known : NULL, NULL, &out->exact_frame, err);
+        ok = ok && frame_render(v, "chosen", quiet, NULL, first ? &known : NULL, &out->mode_frame, err);
+        if (!ok)
+            break;
+        if (first && out->mode_frame.rays.asked)
+            out->mispredicted = (double)out->mode_frame.mispredicted / (double)out->mode_frame.rays.asked;
+        if (i >= 0) {
+            out->exact[i] = times_of(&out->exact_frame);
+            out->mode[i] = times_of(&out->mode_frame);
+            out->runs = i + 1;
+        }
+        if (!out->mode_frame.complete)
+            break;
+    }
+    truth_free(&known);
+    if (!ok)
+        return false;
+    out->lit = image_compare(&out->mode_frame.lit, &out->exact_frame.lit);
+    out->whole = image_compare(&out->mode_frame.image, &out->exact_frame.image);
+    return true;
+}
+
+void comparison_free(comparison *c)
+{
+    frame_free(&c->exact_frame);
+    frame_free(&c->mode_frame);
+}
+
+static const char *const mode_names[] = {"exact", "cache"};
+
+/* 1234567 as 1,234,567 */
+static const char *grouped(uint64_t n, char out[32])
+{
+    char digits[24];
+    int length = snprintf(digits, sizeof digits, "%llu", (unsigned long long)n), at = 0;
+    for (int i = 0; i < length; i++) {
+        if (i > 0 && (length - i) % 3 == 0)
+            out[at++] = ',';
+        out[at++] = digits[i];
+    }
+    out[at] = 0;
+    return out;
+}
+
+static void print_frame(FILE *out, const char *name, times t, uint64_t rays, uint64_t asked)
+{
+    char text[32];
+    fprintf(out, "%-14s frame %8.3f s   shading %8.3f s   shadow rays %15s", name, t.frame_s, t.shade_s,
+            grouped(rays, text));
+    if (rays != asked && asked)
+        fprintf(out, " (%.2f %% of those asked for)", 100.0 * (double)rays / (double)asked);
+    fputc('\n', out);
+}
+
+void comparison_print(const comparison *c, FILE *out)
+{
+    const settings *f = &c->view->settings;
+    const frame *m = &c->mode_frame;
+    char text[32], name[32] = "exact";
+    fprintf(out, "%s: %s triangles, %ux%u, %d spp, %u virtual point lights, %u punctual lights, %u light samples\n",
+            c->view->scene->name, grouped(c->view->scene->triangle_count, text), f->width, f->height, f->spp, m->vpls,
+            m->punctual, m->samples);
+    if (f->visibility == VISIBILITY_CACHE)
+        snprintf(name, sizeof name, "cache C_E %g", (double)f->ce);
+    if (c->runs == 0) {
+        print_frame(out, name, c->mode[0], m->rays.traced, m->rays.asked);
+        return;
+    }
+    const ray_counts *exact = &c->exact_frame.rays;
+    print_frame(out, "exact", comparison_median(c->exact, c->runs), exact->traced, exact->asked);
+    print_frame(out, name, comparison_median(c->mode, c->runs), m->rays.traced, m->rays.asked);
+    double low, high, ratio = comparison_ratio(c, false, &low, &high);
+    fprintf(out, "%-14s frame %8.2f x ", "speed-up", ratio);
+    if (c->runs > 1)
+        fprintf(out, "(%.2f ... %.2f in %d pairs)", low, high, c->runs);
+    double shade = comparison_ratio(c, true, &low, &high);
+    fprintf(out, "  shading %8.2f x   shadow rays %15.2f x\n", shade,
+            m->rays.traced ? (double)exact->traced / (double)m->rays.traced : 1.0);
+    fprintf(out, "difference     l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f",
+            100.0 * c->lit.l_inf, 100.0 * c->whole.l_inf, c->lit.rel_mse, c->lit.p999, c->lit.max);
+    if (c->mispredicted >= 0.0)
+        fprintf(out, "   mispredicted %.3f %%", 100.0 * c->mispredicted);
+    fputc('\n', out);
+}
+
+/* ------------------------------------------------------------------------------------------------------- files */
+
+static image error_image(const comparison *c, float scale)
+{
+    return image_difference(&c->mode_frame.image, &c->exact_frame.image, scale);
+}
+
+bool comparison_picture(const comparison *c, const char *path, message *err)
+{
+    float exposure = image_exposure(&c->exact_frame.image);
+    image error = error_image(c, 8.0f);
+    image copies[2] = {{0}}, side;
+    const image *from[2] = {&c->exact_frame.image, &c->mode_frame.image}, *three[3] = {&copies[0], &copies[1], &error};
+    for (int i = 0; i < 2; i++)
+        copies[i] = *from[i];
+    side = image_side_by_side(three, 3);
+    bool ok = png_save(path, &side, exposure, NULL, 0, err);
+    image_free(&error);
+    image_free(&side);
+    return ok;
+}
+
+enum { TEXT_MAX = 24 };
+
+typedef struct texts {
+    exr_attribute items[TEXT_MAX];
+    char values[TEXT_MAX][64];
+    int count;
+} texts;
+
+#if defined(__GNUC__)
+__attribute__((format(printf, 3, 4)))
+#endif
+static void
+add_text(texts *t, const char *name, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    vsnprintf(t->values[t->count], sizeof t->values[0], format, args);
+    va_end(args);
+    t->items[t->count] = (exr_attribute){name, t->values[t->count]};
+    t->count++;
+}
+
+/* Every parameter, times and rays. */
+static void describe(const comparison *c, texts *t)
+{
+    const settings *f = &c->view->settings;
+    const frame *m = &c->mode_frame;
+    t->count = 0;
+    add_text(t, "scene", "%s", c->view->scene->name);
+    add_text(t, "spp", "%d", f->spp);
+    add_text(t, "vpls", "%u", m->vpls);
+    add_text(t, "lightSamples", "%d", f->light_samples);
+    add_text(t, "envSamples", "%d", f->env_samples);
+    add_text(t, "seed", "%llu", (unsigned long long)f->seed);
+    add_text(t, "threads", "%d", f->threads);
+    add_text(t, "visibility", "%s", mode_names[f->visibility]);
+    if (f->visibility == VISIBILITY_CACHE) {
+        add_text(t, "ce", "%g", (double)f->ce);
+        add_text(t, "ceDelta", "%g", (double)f->ce_delta);
+        add_text(t, "ceSamples", "%g", (double)f->ce_samples);
+        add_text(t, "normalBins", "%d", f->cache.normal_bins);
+        add_text(t, "layers", "%d", f->cache.layers);
+        add_text(t, "resolutionStep", "%g", (double)f->cache.resolution_step);
+        add_text(t, "levels", "%d", f->cache.levels);
+        add_text(t, "hash", "%d", (int)f->cache.hash);
+        add_text(t, "cacheBytes", "%llu", (unsigned long long)m->cache_bytes);
+    }
+    add_text(t, "frameSeconds", "%.6f", m->frame_s);
+    add_text(t, "shadeSeconds", "%.6f", m->shade_s);
+    add_text(t, "raysAsked", "%llu", (unsigned long long)m->rays.asked);
+    add_text(t, "raysTraced", "%llu", (unsigned long long)m->rays.traced);
+    add_text(t, "complete", "%s", m->complete ? "yes" : "no, interrupted");
+}
+
+bool comparison_save(const comparison *c, const char *path, exr_options options, message *err)
+{
+    const settings *f = &c->view->settings;
+    const frame *m = &c->mode_frame;
+    texts t;
+    describe(c, &t);
+    size_t length = strlen(path);
+    if (length > 4 && strcmp(path + length - 4, ".png") == 0)
+        return png_save(path, &m->image, image_exposure(&m->image), t.items, (size_t)t.count, err);
+
+    exr_channel channels[16];
+    size_t n = 0;
+    image error = {0};
+    const struct {
+        const image *image;
+        const char *names[3];
+        bool wanted;
+    } layers[] = {{&m->image, {"R", "G", "B"}, true},
+                  {&m->normal, {"normal.X", "normal.Y", "normal.Z"}, true},
+                  {&m->cells, {"cell.R", "cell.G", "cell.B"}, f->visibility == VISIBILITY_CACHE},
+                  {&error, {"error.R", "error.G", "error.B"}, c->runs > 0}};
+    if (c->runs > 0)
+        error = error_image(c, 1.0f);
+    for (size_t i = 0; i < sizeof layers / sizeof *layers; i++)
+        for (int k = 0; k < 3 && layers[i].wanted; k++)
+            channels[n++] = (exr_channel){layers[i].names[k], &layers[i].image->pixels[0].x + k, 3};
+    channels[n++] = (exr_channel){"depth.Z", m->depth, 1};
+    channels[n++] = (exr_channel){"traced.Y", m->traced_share, 1};
+    bool ok = exr_save(path, f->width, f->height, channels, n, t.items, (size_t)t.count, options, err);
+    image_free(&error);
+    return ok;
+}

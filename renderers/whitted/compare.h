@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Exact and chosen visibility side by side: times, rays, errors, as text and JSON. */
+#ifndef WHITTED_COMPARE_H
+#define WHITTED_COMPARE_H
+
+#include "whitted.h"
+
+#include "../common/metrics.h"
+
+#include <stdio.h>
+
+enum { RUNS_MAX = 99 };
+
+typedef struct times {
+    double frame_s, shade_s;
+} times;
+
+typedef struct comparison {
+    const view *view;
+    int runs; /* timed pairs of frames; 0: the exact frame was not rendered */
+    times exact[RUNS_MAX], mode[RUNS_MAX];
+    frame exact_frame, mode_frame; /* the last of each */
+    image_error lit, whole; /* over shadow-tested radiance, and with what is seen directly */
+    double mispredicted;    /* share of the asked; < 0: unknown */
+} comparison;
+
+/* Renders `runs` pairs exact, mode, exact, mode ... with the same samples, after one pair to warm up where runs > 1.
+ * Stops early, with what it has, when interrupted. */
+bool comparison_run(const view *v, int runs, bool quiet, comparison *out, message *err);
+/* The chosen visibility alone. */
+bool comparison_single(const view *v, bool quiet, comparison *out, message *err);
+void comparison_free(comparison *c);
+
+/* Medians; the ratio exact / mode is the median of the ratios of the pairs, with the smallest and the largest. */
+times comparison_median(const times *t, int count);
+double comparison_ratio(const comparison *c, bool shade, double *low, double *high);
+
+void comparison_print(const comparison *c, FILE *out);
+bool comparison_json(const comparison *c, const char *path, message *err);
+/* Exact, mode and their difference (times 8) in one picture. */
+bool comparison_picture(const comparison *c, const char *path, message *err);
+/* Image with all layers (.exr) or alone (.png). */
+bool comparison_save(const comparison *c, const char *path, exr_options options, message *err);
+
+#endif

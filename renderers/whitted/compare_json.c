@@ -1,0 +1,99 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The figures of a comparison as JSON; reports read this. */
+#include "compare.h"
+
+#include "../common/atomic_file.h"
+
+#include <cjson/cJSON.h>
+#include <string.h>
+
+static void number(cJSON *object, const char *name, double value)
+{
+    /* JSON has no infinity */
+    if (isfinite(value))
+        cJSON_AddNumberToObject(object, name, value);
+    else
+        cJSON_AddNullToObject(object, name);
+}
+
+static void add_scene(cJSON *j, const comparison *c)
+{
+    const settings *f = &c->view->settings;
+    const frame *m = &c->mode_frame;
+    cJSON_AddStringToObject(j, "scene", c->view->scene->name);
+    number(j, "triangles", (double)c->view->scene->triangle_count);
+    number(j, "width", f->width);
+    number(j, "height", f->height);
+    number(j, "spp", f->spp);
+    number(j, "lights", m->vpls + m->punctual + m->samples);
+    number(j, "vpls", m->vpls);
+    number(j, "punctual_lights", m->punctual);
+    number(j, "light_samples", m->samples);
+    number(j, "eye_samples", (double)m->eye_samples);
+    number(j, "threads", f->threads);
+    number(j, "seed", (double)f->seed);
+    cJSON_AddStringToObject(j, "mode", f->visibility == VISIBILITY_CACHE ? "cache" : "exact");
+    number(j, "ce", (double)f->ce);
+    number(j, "ce_delta", (double)f->ce_delta);
+    number(j, "ce_samples", (double)f->ce_samples);
+    number(j, "runs", c->runs);
+    cJSON_AddBoolToObject(j, "complete", m->complete);
+}
+
+static bool text_save(const char *path, const char *text, message *err)
+{
+    atomic_file f;
+    if (!atomic_open(&f, path, err))
+        return false;
+    fprintf(f.stream, "%s\n", text);
+    return atomic_commit(&f, err);
+}
+
+bool comparison_json(const comparison *c, const char *path, message *err)
+{
+    const frame *m = &c->mode_frame;
+    cJSON *j = cJSON_CreateObject();
+    add_scene(j, c);
+    times t = comparison_median(c->mode, c->runs ? c->runs : 1);
+    if (c->runs) {
+        times exact = comparison_median(c->exact, c->runs);
+        cJSON *e = cJSON_AddObjectToObject(j, "exact");
+        number(e, "frame_s", exact.frame_s);
+        number(e, "shade_s", exact.shade_s);
+        number(e, "rays", (double)c->exact_frame.rays.traced);
+    }
+    cJSON *run = cJSON_AddObjectToObject(j, "mode_run");
+    number(run, "frame_s", t.frame_s);
+    number(run, "shade_s", t.shade_s);
+    number(run, "lights_s", m->lights_s);
+    number(run, "rays_asked", (double)m->rays.asked);
+    number(run, "rays_traced", (double)m->rays.traced);
+    number(run, "cache_bytes", (double)m->cache_bytes);
+    if (c->runs) {
+        cJSON *error = cJSON_AddObjectToObject(j, "error");
+        number(error, "l_inf", c->lit.l_inf);
+        number(error, "l_inf_whole", c->whole.l_inf);
+        number(error, "rel_mse", c->lit.rel_mse);
+        number(error, "p999", c->lit.p999);
+        number(error, "max", c->lit.max);
+        number(error, "mispredicted", c->mispredicted >= 0.0 ? c->mispredicted : (double)NAN);
+        cJSON *s = cJSON_AddObjectToObject(j, "speedup");
+        double low, high;
+        number(s, "frame", comparison_ratio(c, false, &low, &high));
+        number(s, "frame_min", low);
+        number(s, "frame_max", high);
+        number(s, "shade", comparison_ratio(c, true, &low, &high));
+        number(s, "rays", m->rays.traced ? (double)c->exact_frame.rays.traced / (double)m->rays.traced : 1.0);
+    }
+    char *text = cJSON_Print(j);
+    cJSON_Delete(j);
+    if (!text)
+        return fail(err, "%s: out of memory", path);
+    bool ok;
+    if (strcmp(path, "-") == 0)
+        ok = puts(text) >= 0 && fflush(stdout) == 0 ? true : fail(err, "standard output: cannot write");
+    else
+        ok = text_save(path, text, err);
+    cJSON_free(text);
+    return ok;
+}

@@ -1,0 +1,289 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* One frame: virtual point lights, then tiles on all cores. */
+#include "whitted.h"
+
+#include "../common/interrupt.h"
+#include "../common/parallel.h"
+#include "../common/progress.h"
+#include "../../halton/halton.h"
+
+#include <string.h>
+#include <time.h>
+
+/* What one thread needs. */
+typedef struct station {
+    eye_samples samples;
+    chunk chunk;
+    visibility *visibility;
+    vcache *cache; /* owned unless shared */
+    tile_pixels pixels;
+    uint32_t *order; /* of eye samples */
+    size_t order_capacity;
+    double shade_s;
+    uint64_t mispredicted, sample_count;
+    bool ready;
+} station;
+
+typedef struct job {
+    const view *v;
+    const vpl_set *vpls;
+    light_ends *ends;
+    vcache *shared;
+    station *stations;
+    tile *tiles;
+    size_t tile_count;
+    uint32_t rank[TILE * TILE]; /* of a pixel in Halton order */
+    truth *record;
+    const truth *check;
+    progress *progress;
+    frame *out;
+} job;
+
+static double now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Tiles along a Morton curve: neighbours in time are neighbours in the image and share cells. */
+static tile *tiles_new(const settings *f, size_t *count)
+{
+    uint32_t across = (f->width + TILE - 1) / TILE, down = (f->height + TILE - 1) / TILE;
+    tile *tiles = xmalloc((size_t)across * down * sizeof *tiles);
+    size_t n = 0;
+    for (uint64_t code = 0; n < (size_t)across * down; code++) {
+        uint32_t x, y;
+        halton_morton_decode(code, &x, &y);
+        if (x >= across || y >= down)
+            continue;
+        tile t = {x * TILE, y * TILE, TILE, TILE, (uint32_t)n};
+        t.width = f->width - t.x < TILE ? f->width - t.x : TILE;
+        t.height = f->height - t.y < TILE ? f->height - t.y : TILE;
+        tiles[n++] = t;
+    }
+    *count = n;
+    return tiles;
+}
+
+/* Eye samples in the order they are lit: for the cache by the Halton order of their pixels (Sect. 4.3), which decides
+ * who speaks for a cell; for packets as they are. */
+static void sort_samples(const job *j, station *s)
+{
+    size_t n = s->samples.count;
+    if (n > s->order_capacity) {
+        s->order_capacity = 2 * n;
+        s->order = xrealloc(s->order, s->order_capacity * sizeof *s->order);
+    }
+    if (j->v->settings.visibility == VISIBILITY_EXACT) {
+        for (size_t i = 0; i < n; i++)
+            s->order[i] = (uint32_t)i;
+        return;
+    }
+    uint32_t start[TILE * TILE + 1] = {0};
+    for (size_t i = 0; i < n; i++)
+        start[j->rank[s->samples.items[i].pixel] + 1]++;
+    for (uint32_t r = 0; r < TILE * TILE; r++)
+        start[r + 1] += start[r];
+    for (size_t i = 0; i < n; i++)
+        s->order[start[j->rank[s->samples.items[i].pixel]]++] = (uint32_t)i;
+}
+
+/* Rows of bits of one eye sample, all groups one behind the other. */
+static uint32_t row_words(const chunk *c)
+{
+    return c->bits[0].words + c->bits[1].words + c->bits[2].words;
+}
+
+static void record_truth(const station *s, size_t first, uint64_t *rows)
+{
+    const chunk *c = &s->chunk;
+    uint32_t words = row_words(c);
+    for (uint32_t e = 0; e < c->count; e++) {
+        uint64_t *row = rows + (size_t)s->order[first + e] * words;
+        for (int g = 0; g < LIGHT_GROUPS; g++) {
+            memcpy(row, c->bits[g].visible + (size_t)e * c->bits[g].words, c->bits[g].words * sizeof *row);
+            row += c->bits[g].words;
+        }
+    }
+}
+
+static void check_truth(station *s, size_t first, const uint64_t *rows)
+{
+    const chunk *c = &s->chunk;
+    uint32_t words = row_words(c);
+    for (uint32_t e = 0; e < c->count; e++) {
+        const uint64_t *row = rows + (size_t)s->order[first + e] * words;
+        for (int g = 0; g < LIGHT_GROUPS; g++)
+            for (uint32_t w = 0; w < c->bits[g].words; w++) {
+                size_t at = (size_t)e * c->bits[g].words + w;
+                s->mispredicted += (uint32_t)__builtin_popcountll((*row++ ^ c->bits[g].visible[at]) &
+                                                                  c->bits[g].asked[at]);
+            }
+    }
+}
+
+static rgb false_colour(uint64_t id)
+{
+    if (!id)
+        return v3(0, 0, 0);
+    uint64_t h = rng_mix(id);
+    return v3((float)(h & 255) / 255.0f, (float)(h >> 8 & 255) / 255.0f, (float)(h >> 16 & 255) / 255.0f);
+}
+
+static void copy_out(const job *j, tile t, const tile_pixels *p)
+{
+    for (uint32_t y = 0; y < t.height; y++)
+        for (uint32_t x = 0; x < t.width; x++) {
+            size_t from = (size_t)y * TILE + x, to = (size_t)(t.y + y) * j->v->settings.width + t.x + x;
+            j->out->seen.pixels[to] = p->seen[from];
+            j->out->lit.pixels[to] = p->lit[from];
+            j->out->image.pixels[to] = v3_add(p->seen[from], p->lit[from]);
+            j->out->normal.pixels[to] = p->normal[from];
+            j->out->cells.pixels[to] = false_colour(p->cell[from]);
+            j->out->depth[to] = p->depth[from];
+            j->out->traced_share[to] = p->asked[from] ? (float)p->traced[from] / (float)p->asked[from] : 0.0f;
+        }
+}
+
+static void prepare_station(job *j, station *s)
+{
+    tracer_thread_init();
+    chunk_new(&s->chunk, j->v, j->vpls);
+    s->visibility = visibility_new(j->v, j->vpls, j->shared ? j->shared : s->cache, j->ends);
+    s->ready = true;
+}
+
+static void render_tile(void *context, int thread, size_t index)
+{
+    job *j = context;
+    station *s = &j->stations[thread];
+    if (!s->ready)
+        prepare_station(j, s);
+    tile t = j->tiles[index];
+    eye_paths(j->v, t, &s->samples, &s->pixels);
+    double start = now();
+    sort_samples(j, s);
+    if (j->record)
+        j->record->tiles[t.index] = xcalloc(s->samples.count * row_words(&s->chunk) + 1, sizeof(uint64_t));
+    for (size_t i = 0; i < s->samples.count; i += CHUNK) {
+        chunk *c = &s->chunk;
+        c->count = s->samples.count - i < CHUNK ? (uint32_t)(s->samples.count - i) : CHUNK;
+        for (uint32_t e = 0; e < c->count; e++)
+            c->eyes[e] = &s->samples.items[s->order[i + e]];
+        shade_unoccluded(j->v, j->vpls, c);
+        visibility_resolve(s->visibility, c, &s->pixels);
+        shade_sum(j->vpls, c, &s->pixels);
+        if (j->record)
+            record_truth(s, i, j->record->tiles[t.index]);
+        if (j->check && j->check->tiles[t.index])
+            check_truth(s, i, j->check->tiles[t.index]);
+    }
+    s->shade_s += now() - start;
+    s->sample_count += s->samples.count;
+    copy_out(j, t, &s->pixels);
+    progress_add(j->progress, (uint64_t)t.width * t.height);
+}
+
+static bool make_caches(job *j, int threads, message *err)
+{
+    const settings *f = &j->v->settings;
+    char text[VCACHE_MESSAGE_BYTES];
+    vcache *first = NULL;
+    for (int i = 0; i < (f->shared ? 1 : threads); i++) {
+        vcache **out = f->shared ? &j->shared : &j->stations[i].cache;
+        if (vcache_create(&f->cache, out, text) != VCACHE_OK)
+            return fail(err, "visibility cache: %s", text);
+        first = first ? first : *out;
+        j->out->cache_bytes += 4 * vcache_table_words(*out);
+    }
+    j->ends = light_ends_new(j->v, j->vpls, first);
+    return true;
+}
+
+static void allocate(const settings *f, frame *out)
+{
+    image *images[] = {&out->seen, &out->lit, &out->image, &out->normal, &out->cells};
+    for (size_t i = 0; i < sizeof images / sizeof *images; i++)
+        *images[i] = image_new(f->width, f->height);
+    out->depth = xcalloc((size_t)f->width * f->height, sizeof *out->depth);
+    out->traced_share = xcalloc((size_t)f->width * f->height, sizeof *out->traced_share);
+}
+
+bool frame_render(const view *v, const char *title, bool quiet, truth *record, const truth *check, frame *out,
+                  message *err)
+{
+    const settings *f = &v->settings;
+    memset(out, 0, sizeof *out);
+    job j = {.v = v, .record = record, .check = check, .out = out};
+    allocate(f, out);
+    double start = now();
+    vpl_set vpls = vpls_new(v);
+    out->lights_s = now() - start;
+    j.vpls = &vpls;
+    out->vpls = vpls.count;
+    out->punctual = v->scene->light_count;
+    out->samples = direct_sample_count(v);
+
+    int threads = parallel_thread_count(f->threads);
+    j.stations = xcalloc((size_t)threads, sizeof *j.stations);
+    j.tiles = tiles_new(f, &j.tile_count);
+    if (record) {
+        record->tile_count = j.tile_count;
+        record->tiles = xcalloc(j.tile_count, sizeof *record->tiles);
+    }
+    uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
+    double ce = f->visibility == VISIBILITY_CACHE ? (double)f->ce / sqrt(f->spp) : 1.0;
+    halton_order(TILE, TILE, ce, order, starts, &segments);
+    for (uint32_t i = 0; i < TILE * TILE; i++)
+        j.rank[order[i]] = i;
+
+    bool ok = f->visibility == VISIBILITY_EXACT || make_caches(&j, threads, err);
+    if (ok) {
+        j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
+        parallel_for(f->threads, j.tile_count, render_tile, &j);
+        out->frame_s = now() - start;
+        out->complete = !interrupted();
+        progress_free(j.progress);
+    }
+    for (int i = 0; i < threads; i++) {
+        station *s = &j.stations[i];
+        out->shade_s += s->shade_s / threads;
+        out->mispredicted += s->mispredicted;
+        out->eye_samples += s->sample_count;
+        if (s->ready) {
+            ray_counts r = visibility_counts(s->visibility);
+            out->rays.asked += r.asked;
+            out->rays.traced += r.traced;
+            visibility_free(s->visibility);
+            chunk_free(&s->chunk);
+        }
+        free(s->samples.items);
+        free(s->order);
+        vcache_destroy(&s->cache);
+    }
+    vcache_destroy(&j.shared);
+    light_ends_free(j.ends);
+    free(j.stations);
+    free(j.tiles);
+    vpls_free(&vpls);
+    return ok;
+}
+
+void frame_free(frame *f)
+{
+    image *images[] = {&f->seen, &f->lit, &f->image, &f->normal, &f->cells};
+    for (size_t i = 0; i < sizeof images / sizeof *images; i++)
+        image_free(images[i]);
+    free(f->depth);
+    free(f->traced_share);
+    memset(f, 0, sizeof *f);
+}
+
+void truth_free(truth *t)
+{
+    for (size_t i = 0; i < t->tile_count; i++)
+        free(t->tiles[i]);
+    free(t->tiles);
+    memset(t, 0, sizeof *t);
+}

@@ -1,0 +1,247 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* whitted: command line, scene, runs, files. */
+#include "compare.h"
+
+#include "../common/interrupt.h"
+#include "../common/options.h"
+#include "../common/parallel.h"
+
+#include <libgen.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char *const visibility_names[] = {"exact", "cache", NULL};
+static const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
+
+typedef struct arguments {
+    const char *scene, *env, *json, *picture;
+    option_size size;
+    option_list outputs;
+    float look[7];
+    int camera, visibility, hash, cache_mb, runs;
+    bool compare, half, tiles, quiet, shared;
+    settings settings;
+} arguments;
+
+static arguments defaults(void)
+{
+    arguments a = {.scene = "atrium", .size = {640, 360}, .visibility = VISIBILITY_CACHE, .cache_mb = 4, .runs = 1};
+    settings *s = &a.settings;
+    s->spp = 1;
+    s->vpls = 1024;
+    s->env_samples = s->light_samples = 16;
+    s->ce = 8.0f;
+    s->ce_delta = -1.0f;
+    s->cache = vcache_default_config();
+    return a;
+}
+
+static options_status parse(arguments *a, int argc, char *argv[], message *err)
+{
+    settings *s = &a->settings;
+    vcache_config *c = &s->cache;
+    const option table[] = {
+        {.name = "size", .kind = OPTION_SIZE, .value = &a->size, .help = "image size in pixels"},
+        {.name = "spp", .kind = OPTION_INT, .value = &s->spp, .min = 1, .max = 4096, .help = "eye paths per pixel"},
+        {.name = "vpls", .kind = OPTION_INT, .value = &s->vpls, .min = 0, .max = 65536,
+         .help = "virtual point lights"},
+        {.name = "env", .kind = OPTION_STRING, .value = &a->env, .metavar = "FILE",
+         .help = "environment map (.hdr, .exr) in place of the scene's"},
+        {.name = "env-samples", .kind = OPTION_INT, .value = &s->env_samples, .min = 0, .max = 4096,
+         .help = "environment samples per eye path"},
+        {.name = "light-samples", .kind = OPTION_INT, .value = &s->light_samples, .min = 0, .max = 4096,
+         .help = "samples of emissive surfaces per eye path"},
+        {.name = "camera", .kind = OPTION_INT, .value = &a->camera, .min = 0, .max = 65535, .metavar = "I",
+         .help = "camera of the scene, from 0"},
+        {.name = "look", .kind = OPTION_FLOATS, .value = a->look, .count = 7, .min = -3e38, .max = 3e38,
+         .metavar = "EX,EY,EZ,AX,AY,AZ,FOV", .help = "camera at E that looks at A, vertical FOV in degrees"},
+        {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
+         .help = "how shadows are decided"},
+        {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
+         .help = "C_E of virtual point lights: cell size in eye samples a side"},
+        {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = -1, .max = 10000, .metavar = "X",
+         .help = "C_E of point, spot, directional lights; 0: traced; -1: a pixel"},
+        {.name = "ce-samples", .kind = OPTION_FLOAT, .value = &s->ce_samples, .min = 0, .max = 10000, .metavar = "X",
+         .help = "C_E of area and environment samples; 0: they are traced"},
+        {.name = "cn", .kind = OPTION_INT, .value = &c->normal_bins, .min = 1, .max = 64,
+         .help = "C_N: bins of the normal per axis"},
+        {.name = "cz", .kind = OPTION_INT, .value = &c->layers, .min = 1, .max = 64,
+         .help = "C_Z: layers per cell side"},
+        {.name = "cr", .kind = OPTION_FLOAT, .value = &c->resolution_step, .min = 1.05, .max = 16, .metavar = "X",
+         .help = "C_R: ratio of successive resolutions"},
+        {.name = "refine", .kind = OPTION_INT, .value = &c->levels, .min = 0, .max = VCACHE_MAX_LEVELS,
+         .help = "C_MSR: levels of refinement, 1 for none, 0 for log2 C_E"},
+        {.name = "cache-mb", .kind = OPTION_INT, .value = &a->cache_mb, .min = 1, .max = 16384,
+         .help = "size of each cache in MiB"},
+        {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, .help = "one cache for all threads"},
+        {.name = "hash", .kind = OPTION_CHOICE, .value = &a->hash, .choices = hash_names, .help = "hash family"},
+        {.name = "compare", .kind = OPTION_FLAG, .value = &a->compare,
+         .help = "render exactly as well and print times and errors"},
+        {.name = "runs", .kind = OPTION_INT, .value = &a->runs, .min = 1, .max = RUNS_MAX,
+         .help = "pairs of timed frames with --compare (medians)"},
+        {.name = "threads", .kind = OPTION_INT, .value = &s->threads, .min = 0, .max = PARALLEL_MAX_THREADS,
+         .help = "threads, 0 for one per CPU"},
+        {.name = "seed", .kind = OPTION_UINT64, .value = &s->seed, .help = "seed of all random numbers"},
+        {.name = "output", .letter = 'o', .kind = OPTION_LIST, .value = &a->outputs, .metavar = "FILE",
+         .help = "image to write: .exr with all layers, or .png (repeatable)"},
+        {.name = "picture", .kind = OPTION_STRING, .value = &a->picture, .metavar = "FILE",
+         .help = "with --compare: exact, chosen and 8 x error in one .png"},
+        {.name = "half", .kind = OPTION_FLAG, .value = &a->half, .help = "16-bit floats in .exr"},
+        {.name = "tiles", .kind = OPTION_FLAG, .value = &a->tiles, .help = "tiles instead of scan lines in .exr"},
+        {.name = "json", .kind = OPTION_STRING, .value = &a->json, .metavar = "FILE",
+         .help = "figures as JSON; - for standard output"},
+        {.name = "quiet", .kind = OPTION_FLAG, .value = &a->quiet, .help = "no progress, no notices, no table"},
+    };
+    const option_program program = {
+        .name = "whitted",
+        .summary = "Whitted ray tracing with instant radiosity, shadows exact or by the visibility cache.",
+        .positional = "[SCENE]",
+        .positional_help = "a .glb, .gltf, .obj or .ply file, or atrium, cornell, shapes, dominoes, plant",
+        .positional_value = &a->scene,
+    };
+    options_status status = options_parse(&program, table, sizeof table / sizeof *table, argc, argv, err);
+    s->width = a->size.width;
+    s->height = a->size.height;
+    s->visibility = (visibility_mode)a->visibility;
+    s->shared = a->shared;
+    /* Hard shadows show every cell that is larger than a pixel; at one sample per pixel there is nothing to share. */
+    if (s->ce_delta < 0.0f)
+        s->ce_delta = s->spp > 1 ? sqrtf((float)s->spp) : 0.0f;
+    c->hash = (vcache_hash)a->hash;
+    c->table_bytes = (uint64_t)a->cache_mb << 20;
+    return status;
+}
+
+/* Hours of rendering must not end in a folder that is not there. */
+static bool check_target(const char *path, message *err)
+{
+    char copy[4096];
+    if (strlen(path) >= sizeof copy)
+        return fail(err, "%.60s...: path too long", path);
+    strcpy(copy, path);
+    const char *folder = dirname(copy);
+    if (access(folder, W_OK | X_OK) != 0)
+        return fail(err, "%s: cannot write into folder %s", path, folder);
+    return true;
+}
+
+static bool ends_with(const char *text, const char *end)
+{
+    size_t n = strlen(text), m = strlen(end);
+    return n > m && strcmp(text + n - m, end) == 0;
+}
+
+static bool check_arguments(const arguments *a, message *err)
+{
+    for (int i = 0; i < a->outputs.count; i++) {
+        const char *path = a->outputs.items[i];
+        if (!ends_with(path, ".exr") && !ends_with(path, ".png"))
+            return fail(err, "%s: images are written as .exr or .png", path);
+        if (!check_target(path, err))
+            return false;
+    }
+    if (a->picture && !a->compare)
+        return fail(err, "--picture needs --compare");
+    if (a->picture && !ends_with(a->picture, ".png"))
+        return fail(err, "%s: the picture is written as .png", a->picture);
+    if (a->picture && !check_target(a->picture, err))
+        return false;
+    return !a->json || strcmp(a->json, "-") == 0 || check_target(a->json, err);
+}
+
+static bool load_scene(const arguments *a, scene **out, message *err)
+{
+    if (!scene_builtin(a->scene, out) && !scene_load(a->scene, out, err))
+        return false;
+    scene *s = *out;
+    if (a->env) {
+        environment_free(s->environment);
+        s->environment = NULL;
+        if (!environment_load(a->env, &s->environment, err))
+            return false;
+    }
+    return scene_finish(s, err);
+}
+
+static bool choose_camera(const arguments *a, const scene *s, camera *out, message *err)
+{
+    const float *l = a->look;
+    if (l[6] != 0.0f) {
+        vec3 eye = v3(l[0], l[1], l[2]), at = v3(l[3], l[4], l[5]);
+        if (!(l[6] > 0.0f && l[6] < 180.0f))
+            return fail(err, "--look: the field of view must be between 0 and 180 degrees, not %g", (double)l[6]);
+        if (!(v3_length(v3_sub(at, eye)) > 0.0f))
+            return fail(err, "--look: the camera stands where it looks at");
+        *out = camera_look(eye, at, v3(0, 1, 0), l[6] * PI_F / 180.0f);
+        return true;
+    }
+    if ((uint32_t)a->camera >= s->camera_count)
+        return fail(err, "--camera %d: the scene has %u, from 0", a->camera, s->camera_count);
+    *out = s->cameras[a->camera];
+    return true;
+}
+
+static bool write_files(const arguments *a, const comparison *c, message *err)
+{
+    exr_options exr = {.half = a->half, .tiles = a->tiles};
+    for (int i = 0; i < a->outputs.count; i++)
+        if (!comparison_save(c, a->outputs.items[i], exr, err))
+            return false;
+    if (a->picture && c->runs > 0 && !comparison_picture(c, a->picture, err))
+        return false;
+    return !a->json || comparison_json(c, a->json, err);
+}
+
+static bool run(const arguments *a, view *v, message *err)
+{
+    comparison c;
+    bool ok = a->compare ? comparison_run(v, a->runs, a->quiet, &c, err) : comparison_single(v, a->quiet, &c, err);
+    if (ok) {
+        if (!a->quiet)
+            comparison_print(&c, a->json && strcmp(a->json, "-") == 0 ? stderr : stdout);
+        ok = write_files(a, &c, err);
+    }
+    comparison_free(&c);
+    return ok;
+}
+
+int main(int argc, char *argv[])
+{
+    arguments a = defaults();
+    message err = {0};
+    switch (parse(&a, argc, argv, &err)) {
+    case OPTIONS_HELP:
+        return 0;
+    case OPTIONS_ERROR:
+        fprintf(stderr, "%s\n", err.text);
+        return 2;
+    case OPTIONS_OK:
+        break;
+    }
+    notice_enable(!a.quiet);
+    interrupt_install();
+    view v = {.settings = a.settings};
+    v.settings.threads = parallel_thread_count(a.settings.threads);
+    scene *s = NULL;
+    tracer *t = NULL;
+    emitters *e = NULL;
+    bool ok = check_arguments(&a, &err) && load_scene(&a, &s, &err) && choose_camera(&a, s, &v.camera, &err) &&
+              tracer_create(s, v.settings.threads, &t, &err);
+    if (ok) {
+        e = emitters_new(s);
+        v.scene = s;
+        v.tracer = t;
+        v.emitters = e;
+        const float low[3] = {s->bounds_min.x, s->bounds_min.y, s->bounds_min.z};
+        const float high[3] = {s->bounds_max.x, s->bounds_max.y, s->bounds_max.z};
+        memcpy(v.settings.cache.bounds_min, low, sizeof low);
+        memcpy(v.settings.cache.bounds_max, high, sizeof high);
+        ok = run(&a, &v, &err);
+    }
+    if (!ok)
+        fprintf(stderr, "whitted: %s\n", err.text);
+    emitters_free(e);
+    tracer_free(t);
+    scene_free(s);
+    return !ok ? 1 : interrupted() ? 130 : 0;
+}

@@ -1,0 +1,185 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Unoccluded contributions of all lights to the eye samples of a chunk, and the sum of what turns out visible. */
+#include "whitted.h"
+
+#include <string.h>
+
+/* The loops over virtual point lights are compiled for each vector width and chosen at run time. Sanitizers dislike the
+ * resolvers that this needs. */
+#if defined(__x86_64__) && defined(__linux__) && defined(__OPTIMIZE__) && !defined(NO_CLONES)
+#define CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define CLONES
+#endif
+
+static void bits_new(pair_bits *b, uint32_t lights)
+{
+    b->lights = lights;
+    b->words = (lights + 63) / 64;
+    b->asked = xcalloc((size_t)CHUNK * b->words + 1, sizeof *b->asked);
+    b->visible = xcalloc((size_t)CHUNK * b->words + 1, sizeof *b->visible);
+}
+
+void chunk_new(chunk *c, const view *v, const vpl_set *vpls)
+{
+    memset(c, 0, sizeof *c);
+    uint32_t samples = direct_sample_count(v), punctual = v->scene->light_count;
+    bits_new(&c->bits[LIGHTS_VIRTUAL], vpls->count);
+    bits_new(&c->bits[LIGHTS_PUNCTUAL], punctual);
+    bits_new(&c->bits[LIGHTS_SAMPLED], samples);
+    c->geometry = xmalloc(((size_t)CHUNK * vpls->padded + 1) * sizeof *c->geometry);
+    c->punctual = xmalloc(((size_t)CHUNK * punctual + 1) * sizeof *c->punctual);
+    c->sampled = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled);
+    c->sampled_density = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled_density);
+    c->sampled_normal = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled_normal);
+}
+
+void chunk_free(chunk *c)
+{
+    for (int g = 0; g < LIGHT_GROUPS; g++) {
+        free(c->bits[g].asked);
+        free(c->bits[g].visible);
+    }
+    free(c->geometry);
+    free(c->punctual);
+    free(c->sampled);
+    free(c->sampled_density);
+    free(c->sampled_normal);
+}
+
+/* cos cos / (r^2 max(r^2, clamp)): both cosines stand without their division by r. */
+CLONES static void geometry_row(const vpl_set *l, vec3 p, vec3 normal, vec3 geometric, float *restrict out)
+{
+    const float *restrict x = l->x, *restrict y = l->y, *restrict z = l->z;
+    const float *restrict nx = l->nx, *restrict ny = l->ny, *restrict nz = l->nz;
+    const float clamp = l->clamp;
+    for (uint32_t i = 0; i < l->padded; i++) {
+        float dx = x[i] - p.x, dy = y[i] - p.y, dz = z[i] - p.z;
+        float r2 = dx * dx + dy * dy + dz * dz;
+        float eye = normal.x * dx + normal.y * dy + normal.z * dz;
+        float side = geometric.x * dx + geometric.y * dy + geometric.z * dz;
+        float away = -(nx[i] * dx + ny[i] * dy + nz[i] * dz);
+        float clamped = r2 > clamp ? r2 : clamp;
+        float value = eye * away / (r2 * clamped);
+        int lit = (eye > 0.0f) & (side > 0.0f) & (away > 0.0f);
+        out[i] = lit ? value : 0.0f;
+    }
+}
+
+CLONES static void positive_bits(const float *restrict values, uint32_t words, uint64_t *restrict bits)
+{
+    for (uint32_t w = 0; w < words; w++) {
+        uint64_t word = 0;
+        for (uint32_t i = 0; i < 64; i++)
+            word |= (uint64_t)(values[64 * w + i] > 0.0f) << i;
+        bits[w] = word;
+    }
+}
+
+/* Sum of geometry times power over the visible lights, in 16 fixed lanes. */
+CLONES static rgb diffuse_sum(const vpl_set *l, const float *restrict geometry, const uint64_t *restrict visible,
+                              uint32_t words)
+{
+    float r[16] = {0}, g[16] = {0}, b[16] = {0};
+    for (uint32_t w = 0; w < words; w++) {
+        uint64_t word = visible[w];
+        if (!word)
+            continue;
+        for (uint32_t i = 0; i < 64; i += 16, word >>= 16) {
+            uint32_t at = 64 * w + i, lanes = (uint32_t)word;
+            for (uint32_t k = 0; k < 16; k++) {
+                float v = lanes >> k & 1u ? geometry[at + k] : 0.0f;
+                r[k] += v * l->r[at + k];
+                g[k] += v * l->g[at + k];
+                b[k] += v * l->b[at + k];
+            }
+        }
+    }
+    rgb sum = {0, 0, 0};
+    for (uint32_t k = 0; k < 16; k++)
+        sum = v3_add(sum, v3(r[k], g[k], b[k]));
+    return sum;
+}
+
+/* Materials with a gloss need their BRDF for each light. */
+static rgb glossy_sum(const vpl_set *l, const eye_sample *e, const float *geometry, const uint64_t *visible,
+                      uint32_t words)
+{
+    rgb sum = {0, 0, 0};
+    for (uint32_t w = 0; w < words; w++)
+        for (uint64_t word = visible[w]; word; word &= word - 1) {
+            uint32_t i = 64 * w + (uint32_t)__builtin_ctzll(word);
+            vec3 wi = v3_normalize(v3_sub(v3(l->x[i], l->y[i], l->z[i]), e->origin));
+            rgb f = v3_mul(material_eval(&e->surface, wi), v3(l->r[i], l->g[i], l->b[i]));
+            sum = v3_mad(sum, geometry[i], f);
+        }
+    return sum;
+}
+
+static void ask_samples(const light_sample *samples, uint32_t count, uint64_t *asked)
+{
+    for (uint32_t i = 0; i < count; i++)
+        if (v3_max_component(samples[i].value) > 0.0f)
+            asked[i / 64] |= (uint64_t)1 << (i % 64);
+}
+
+void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
+{
+    for (int g = 0; g < LIGHT_GROUPS; g++) {
+        size_t bytes = (size_t)CHUNK * c->bits[g].words * sizeof(uint64_t);
+        memset(c->bits[g].asked, 0, bytes);
+        memset(c->bits[g].visible, 0, bytes);
+    }
+    const pair_bits *virtual = &c->bits[LIGHTS_VIRTUAL], *punctual = &c->bits[LIGHTS_PUNCTUAL];
+    const pair_bits *sampled = &c->bits[LIGHTS_SAMPLED];
+    for (uint32_t e = 0; e < c->count; e++) {
+        const eye_sample *s = c->eyes[e];
+        c->material[e] = v3(0, 0, 0);
+        if (!(material_reflectance(&s->surface) > 0.0f))
+            continue;
+        float *geometry = c->geometry + (size_t)e * vpls->padded;
+        geometry_row(vpls, s->origin, s->surface.normal, s->surface.geometric_normal, geometry);
+        positive_bits(geometry, virtual->words, virtual->asked + (size_t)e * virtual->words);
+
+        light_sample *p = c->punctual + (size_t)e * punctual->lights;
+        for (uint32_t i = 0; i < punctual->lights; i++)
+            p[i] = direct_punctual(s, &v->scene->lights[i]);
+        ask_samples(p, punctual->lights, punctual->asked + (size_t)e * punctual->words);
+
+        size_t first = (size_t)e * sampled->lights;
+        direct_sample(v, s, c->sampled + first, c->sampled_density + first, c->sampled_normal + first);
+        ask_samples(c->sampled + first, sampled->lights, sampled->asked + (size_t)e * sampled->words);
+        c->material[e] = direct_material_sample(v, s);
+    }
+}
+
+static rgb sample_sum(const light_sample *samples, const uint64_t *visible, uint32_t words)
+{
+    rgb sum = {0, 0, 0};
+    for (uint32_t w = 0; w < words; w++)
+        for (uint64_t word = visible[w]; word; word &= word - 1)
+            sum = v3_add(sum, samples[64 * w + (uint32_t)__builtin_ctzll(word)].value);
+    return sum;
+}
+
+void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels)
+{
+    for (uint32_t e = 0; e < c->count; e++) {
+        const eye_sample *s = c->eyes[e];
+        const pair_bits *b = &c->bits[LIGHTS_VIRTUAL];
+        const uint64_t *visible = b->visible + (size_t)e * b->words;
+        const float *geometry = c->geometry + (size_t)e * vpls->padded;
+        rgb sum;
+        if (s->surface.material->kind == MATERIAL_DIFFUSE)
+            sum = v3_mul(v3_scale(s->surface.color, 1.0f / PI_F), diffuse_sum(vpls, geometry, visible, b->words));
+        else
+            sum = glossy_sum(vpls, s, geometry, visible, b->words);
+        sum = v3_add(v3_mul(sum, s->weight), c->material[e]);
+
+        b = &c->bits[LIGHTS_PUNCTUAL];
+        sum = v3_add(sum, sample_sum(c->punctual + (size_t)e * b->lights, b->visible + (size_t)e * b->words, b->words));
+        b = &c->bits[LIGHTS_SAMPLED];
+        sum = v3_add(sum, sample_sum(c->sampled + (size_t)e * b->lights, b->visible + (size_t)e * b->words, b->words));
+        pixels->lit[s->pixel] = v3_add(pixels->lit[s->pixel], sum);
+    }
+}

@@ -1,0 +1,312 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Which pairs of a chunk see each other: by packets of shadow rays, or by the visibility cache. */
+#include "whitted.h"
+
+#include <string.h>
+
+/* Shadow rays to a point end a little before it; both ends stand off their surfaces already. */
+static const float ray_end = 1.0f - 0x1p-16f;
+
+struct light_ends {
+    vcache_light *virtual, *punctual;
+};
+
+struct visibility {
+    const view *view;
+    const vpl_set *vpls;
+    const light_ends *ends;
+    ray_counts counts;
+    ray_packet packet;
+    /* cached */
+    vcache *cache;
+    vcache_worker *worker;
+    vcache_light *sampled; /* [CHUNK][samples] */
+    char *eyes; /* [CHUNK][3] */
+    chunk *chunk;
+    tile_pixels *pixels;
+};
+
+ray_counts visibility_counts(const visibility *o)
+{
+    return o->counts;
+}
+
+static uint64_t count_asked(chunk *c, tile_pixels *pixels)
+{
+    uint64_t all = 0;
+    for (uint32_t e = 0; e < c->count; e++) {
+        uint32_t asked = 0;
+        for (int g = 0; g < LIGHT_GROUPS; g++)
+            for (uint32_t w = 0; w < c->bits[g].words; w++)
+                asked += (uint32_t)__builtin_popcountll(c->bits[g].asked[(size_t)e * c->bits[g].words + w]);
+        pixels->asked[c->eyes[e]->pixel] += asked;
+        all += asked;
+    }
+    return all;
+}
+
+/* ------------------------------------------------------------------------------------------------------- exact */
+
+/* The fastest arrangement known: a packet is 16 neighbouring eye samples and one light. */
+typedef struct lanes {
+    uint32_t first, count; /* eye samples of the chunk */
+} lanes;
+
+static void aim(visibility *o, const chunk *c, lanes l, int group, uint32_t i)
+{
+    ray_packet *p = &o->packet;
+    if (group == LIGHTS_VIRTUAL) {
+        float x = o->vpls->x[i], y = o->vpls->y[i], z = o->vpls->z[i];
+        for (int k = 0; k < GROUP; k++) {
+            p->dir_x[k] = x - p->org_x[k];
+            p->dir_y[k] = y - p->org_y[k];
+            p->dir_z[k] = z - p->org_z[k];
+            p->tfar[k] = ray_end;
+        }
+        return;
+    }
+    const light_sample *samples = group == LIGHTS_PUNCTUAL ? c->punctual : c->sampled;
+    for (uint32_t k = 0; k < l.count; k++) {
+        const light_sample *s = &samples[(size_t)(l.first + k) * c->bits[group].lights + i];
+        p->dir_x[k] = s->infinite ? s->target.x : s->target.x - p->org_x[k];
+        p->dir_y[k] = s->infinite ? s->target.y : s->target.y - p->org_y[k];
+        p->dir_z[k] = s->infinite ? s->target.z : s->target.z - p->org_z[k];
+        p->tfar[k] = s->infinite ? INFINITY : ray_end;
+    }
+}
+
+static uint64_t exact_group(visibility *o, chunk *c, lanes l, int first_group, int last_group)
+{
+    uint64_t rays = 0;
+    ray_packet *p = &o->packet;
+    for (uint32_t k = 0; k < GROUP; k++) {
+        vec3 origin = c->eyes[l.first + (k < l.count ? k : 0)]->origin;
+        p->org_x[k] = origin.x, p->org_y[k] = origin.y, p->org_z[k] = origin.z;
+    }
+    for (int g = first_group; g <= last_group; g++) {
+        pair_bits *b = &c->bits[g];
+        for (uint32_t w = 0; w < b->words; w++) {
+            uint64_t *asked = b->asked + (size_t)l.first * b->words + w, any = 0, seen[GROUP] = {0};
+            for (uint32_t k = 0; k < l.count; k++)
+                any |= asked[(size_t)k * b->words];
+            for (; any; any &= any - 1) {
+                uint32_t bit = (uint32_t)__builtin_ctzll(any), active = 0;
+                for (uint32_t k = 0; k < l.count; k++)
+                    active |= (uint32_t)(asked[(size_t)k * b->words] >> bit & 1u) << k;
+                aim(o, c, l, g, 64 * w + bit);
+                rays += (uint32_t)__builtin_popcount(active);
+                uint32_t free_lanes = active & ~tracer_occluded16(o->view->tracer, p, active, true);
+                for (uint32_t k = 0; k < l.count; k++)
+                    seen[k] |= (uint64_t)(free_lanes >> k & 1u) << bit;
+            }
+            for (uint32_t k = 0; k < l.count; k++)
+                b->visible[(size_t)(l.first + k) * b->words + w] = seen[k];
+        }
+    }
+    return rays;
+}
+
+/* All pairs of some groups of lights; returns the number of rays. */
+static uint64_t trace_groups(visibility *o, chunk *c, int first_group, int last_group)
+{
+    uint64_t rays = 0;
+    for (uint32_t e = 0; e < c->count; e += GROUP)
+        rays += exact_group(o, c, (lanes){e, c->count - e < GROUP ? c->count - e : GROUP}, first_group, last_group);
+    return rays;
+}
+
+static void resolve_exact(visibility *o, chunk *c, tile_pixels *pixels)
+{
+    o->counts.traced += trace_groups(o, c, 0, LIGHT_GROUPS - 1);
+    for (uint32_t e = 0; e < c->count; e++)
+        pixels->traced[c->eyes[e]->pixel] = pixels->asked[c->eyes[e]->pixel];
+}
+
+/* ------------------------------------------------------------------------------------------------------ cached */
+
+static void vec3_store(float out[3], vec3 v)
+{
+    out[0] = v.x, out[1] = v.y, out[2] = v.z;
+}
+
+light_ends *light_ends_new(const view *v, const vpl_set *vpls, const vcache *cache)
+{
+    light_ends *e = xcalloc(1, sizeof *e);
+    size_t size = vcache_light_size();
+    e->virtual = xmalloc((vpls->count + 1) * size);
+    e->punctual = xmalloc((v->scene->light_count + 1) * size);
+    for (uint32_t i = 0; i < vpls->count; i++) {
+        vcache_surface s = {.position = {vpls->x[i], vpls->y[i], vpls->z[i]},
+                            .normal = {vpls->nx[i], vpls->ny[i], vpls->nz[i]},
+                            .density = vpls->density[i], .user = i};
+        vcache_prepare_patch(cache, &s, vcache_light_at(e->virtual, i));
+    }
+    for (uint32_t i = 0; i < v->scene->light_count; i++) {
+        const light *l = &v->scene->lights[i];
+        float at[3];
+        vec3_store(at, l->kind == LIGHT_DIRECTIONAL ? v3_neg(l->direction) : l->position);
+        if (l->kind == LIGHT_DIRECTIONAL)
+            vcache_prepare_direction(cache, at, i, vcache_light_at(e->punctual, i));
+        else
+            vcache_prepare_point(cache, at, i, vcache_light_at(e->punctual, i));
+    }
+    return e;
+}
+
+void light_ends_free(light_ends *e)
+{
+    if (!e)
+        return;
+    free(e->virtual);
+    free(e->punctual);
+    free(e);
+}
+
+/* Rays of misses, as they come: they are in order of eye samples and then of lights, so a packet mostly leaves from one
+ * point. */
+static bool trace_misses(void *context, const vcache_miss *misses, size_t count, vcache_answer *answers)
+{
+    visibility *o = context;
+    ray_packet *p = &o->packet;
+    for (size_t first = 0; first < count; first += GROUP) {
+        uint32_t n = count - first < GROUP ? (uint32_t)(count - first) : GROUP;
+        for (uint32_t k = 0; k < n; k++) {
+            const vcache_miss *m = &misses[first + k];
+            const eye_sample *e = o->chunk->eyes[m->eye_user];
+            const float *to = m->light_position;
+            p->org_x[k] = e->origin.x, p->org_y[k] = e->origin.y, p->org_z[k] = e->origin.z;
+            p->dir_x[k] = m->infinite ? to[0] : to[0] - e->origin.x;
+            p->dir_y[k] = m->infinite ? to[1] : to[1] - e->origin.y;
+            p->dir_z[k] = m->infinite ? to[2] : to[2] - e->origin.z;
+            p->tfar[k] = m->infinite ? INFINITY : ray_end;
+            o->pixels->traced[e->pixel]++;
+        }
+        uint32_t blocked = tracer_occluded16(o->view->tracer, p, (1u << n) - 1, false);
+        for (uint32_t k = 0; k < n; k++)
+            answers[first + k] = blocked >> k & 1u ? VCACHE_BLOCKED : VCACHE_VISIBLE;
+    }
+    return true;
+}
+
+static void add_all(visibility *o, const vcache_eye *eye, const vcache_light *lights, const pair_bits *b, uint32_t e)
+{
+    const uint64_t *asked = b->asked + (size_t)e * b->words;
+    uint64_t *visible = b->visible + (size_t)e * b->words;
+    for (uint32_t i = 0; i < b->lights;) {
+        i = vcache_add(o->worker, eye, lights, i, b->lights, asked, visible);
+        if (i < b->lights)
+            vcache_resolve(o->worker, trace_misses, o);
+    }
+}
+
+static void prepare_sampled(visibility *o, const chunk *c, uint32_t e, vcache_light *out)
+{
+    uint32_t n = c->bits[LIGHTS_SAMPLED].lights;
+    for (uint32_t i = 0; i < n; i++) {
+        const light_sample *s = &c->sampled[(size_t)e * n + i];
+        vcache_surface end = {.density = c->sampled_density[(size_t)e * n + i], .user = i};
+        vec3_store(end.position, s->target);
+        vec3_store(end.normal, c->sampled_normal[(size_t)e * n + i]);
+        if (s->infinite)
+            vcache_prepare_solid_angle(o->cache, end.position, end.density, i, vcache_light_at(out, i));
+        else
+            vcache_prepare_patch(o->cache, &end, vcache_light_at(out, i));
+    }
+}
+
+/* Eye ends of one sample, one for each C_E. */
+static vcache_eye *eye_at(visibility *o, uint32_t e, uint32_t kind)
+{
+    return (vcache_eye *)(void *)(o->eyes + (size_t)(3 * e + kind) * VCACHE_EYE_BYTES);
+}
+
+/* A group of lights that the user keeps out of the cache. */
+static void trace_uncached(visibility *o, chunk *c, int group, tile_pixels *pixels)
+{
+    const pair_bits *b = &c->bits[group];
+    o->counts.traced += trace_groups(o, c, group, group);
+    for (size_t i = 0; i < (size_t)c->count * b->words; i++)
+        pixels->traced[c->eyes[i / b->words]->pixel] += (uint32_t)__builtin_popcountll(b->asked[i]);
+}
+
+static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
+{
+    const settings *f = &o->view->settings;
+    o->chunk = c;
+    o->pixels = pixels;
+    for (uint32_t e = 0; e < c->count; e++) {
+        const eye_sample *s = c->eyes[e];
+        vcache_surface end = {.density = s->density, .user = e};
+        vec3_store(end.position, s->surface.position);
+        vec3_store(end.normal, s->surface.geometric_normal);
+        vcache_eye *eye = eye_at(o, e, 0);
+        vcache_prepare_eye(o->cache, &end, f->ce, 0, eye);
+        if (!pixels->cell[s->pixel])
+            pixels->cell[s->pixel] = vcache_eye_cell(eye, 0);
+        add_all(o, eye, o->ends->virtual, &c->bits[LIGHTS_VIRTUAL], e);
+        if (c->bits[LIGHTS_SAMPLED].lights && f->ce_samples > 0.0f) {
+            if (f->ce_samples != f->ce) {
+                eye = eye_at(o, e, 1);
+                vcache_prepare_eye(o->cache, &end, f->ce_samples, 0, eye);
+            }
+            vcache_light *lights = vcache_light_at(o->sampled, (size_t)e * c->bits[LIGHTS_SAMPLED].lights);
+            prepare_sampled(o, c, e, lights);
+            add_all(o, eye, lights, &c->bits[LIGHTS_SAMPLED], e);
+        }
+        if (c->bits[LIGHTS_PUNCTUAL].lights && f->ce_delta > 0.0f) {
+            eye = eye_at(o, e, 2);
+            vcache_prepare_eye(o->cache, &end, f->ce_delta, 0, eye);
+            add_all(o, eye, o->ends->punctual, &c->bits[LIGHTS_PUNCTUAL], e);
+        }
+    }
+    vcache_resolve(o->worker, trace_misses, o);
+    vcache_statistics s = {.size = sizeof s};
+    vcache_worker_statistics(o->worker, &s);
+    o->counts.traced += s.traced;
+    vcache_worker_reset_statistics(o->worker);
+    if (!(f->ce_delta > 0.0f))
+        trace_uncached(o, c, LIGHTS_PUNCTUAL, pixels);
+    if (!(f->ce_samples > 0.0f))
+        trace_uncached(o, c, LIGHTS_SAMPLED, pixels);
+}
+
+/* -------------------------------------------------------------------------------------------------------- both */
+
+visibility *visibility_new(const view *v, const vpl_set *vpls, vcache *cache, const light_ends *ends)
+{
+    visibility *o = NULL;
+    if (posix_memalign((void **)&o, 64, sizeof *o))
+        o = xmalloc(SIZE_MAX);
+    memset(o, 0, sizeof *o);
+    o->view = v;
+    o->vpls = vpls;
+    o->ends = ends;
+    o->cache = cache;
+    packet_init(&o->packet);
+    if (!cache)
+        return o;
+    o->eyes = xmalloc((size_t)3 * CHUNK * VCACHE_EYE_BYTES);
+    o->sampled = xmalloc(((size_t)CHUNK * direct_sample_count(v) + 1) * vcache_light_size());
+    if (vcache_worker_create(cache, NULL, &o->worker, NULL) != VCACHE_OK)
+        o->worker = xmalloc(SIZE_MAX);
+    return o;
+}
+
+void visibility_free(visibility *o)
+{
+    if (!o)
+        return;
+    vcache_worker_destroy(&o->worker);
+    free(o->eyes);
+    free(o->sampled);
+    free(o);
+}
+
+void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels)
+{
+    o->counts.asked += count_asked(c, pixels);
+    if (o->cache)
+        resolve_cached(o, c, pixels);
+    else
+        resolve_exact(o, c, pixels);
+}

@@ -1,0 +1,193 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Whitted-style eye paths + Monte Carlo direct light + instant radiosity (Popov et al. 2013, Sect. 4.2), with exact or
+ * cached visibility. The image is rendered tile by tile; in each tile
+ *   eye_paths.c   traces eye paths into a deep buffer of samples that want light,
+ *   shade.c       pairs each of them with virtual point lights, punctual lights and light samples (direct.c),
+ *   visibility.c  decides which pairs see each other, by packets of rays or by the cache,
+ * and the visible contributions are summed. frame.c runs the tiles on all cores, compare.c sets two runs side by side.
+ */
+#ifndef WHITTED_H
+#define WHITTED_H
+
+#include "vcache/vcache.h"
+
+#include "../common/emitters.h"
+#include "../common/image.h"
+#include "../common/tracer.h"
+
+#include <stdlib.h>
+
+enum { TILE = 32, GROUP = TRACER_PACKET, CHUNK = 64 };
+
+typedef enum visibility_mode { VISIBILITY_EXACT, VISIBILITY_CACHE } visibility_mode;
+
+typedef struct settings {
+    uint32_t width, height;
+    int spp;
+    int vpls;
+    int env_samples, light_samples; /* per eye sample; with one more drawn by the material */
+    uint64_t seed;
+    int threads; /* 0: one per CPU */
+    visibility_mode visibility;
+    float ce;         /* C_E of virtual point lights */
+    float ce_delta;   /* of point, spot and directional lights; 0: these are traced */
+    float ce_samples; /* of area and environment samples; 0: these are traced */
+    vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
+    bool shared;         /* one cache for all threads instead of one each */
+} settings;
+
+/* ------------------------------------------------------------------------------------------------ lights (vpl.c) */
+
+/* Virtual point lights: one array a component, padded to a multiple of 64 with lights of no power. */
+typedef struct vpl_set {
+    uint32_t count, padded;
+    float *x, *y, *z;    /* position, off its surface */
+    float *nx, *ny, *nz; /* unit normal */
+    float *r, *g, *b;    /* exitant radiance times area: W / sr along the normal */
+    float *density;      /* of virtual point lights per unit area around it */
+    float clamp;         /* squared distances below this count as this in the geometric term */
+} vpl_set;
+
+/* Everything that does not change between frames of one view. */
+typedef struct view {
+    const scene *scene;
+    const tracer *tracer;
+    const emitters *emitters; /* NULL: none */
+    camera camera;
+    settings settings;
+} view;
+
+/* Traces light paths and resamples their vertices to settings.vpls by what they bring to the camera. */
+vpl_set vpls_new(const view *v);
+void vpls_free(vpl_set *l);
+
+/* ------------------------------------------------------------------------------------------ eye paths (eye_paths.c) */
+
+/* Last vertex of an eye path: a non-specular surface point that is to be lit. */
+typedef struct eye_sample {
+    surface surface;
+    vec3 origin;   /* of shadow rays: off the surface */
+    rgb weight;    /* of radiance towards wo in the pixel */
+    float density; /* eye samples per unit area */
+    uint32_t pixel; /* in the tile */
+    uint64_t random; /* index of its random numbers */
+} eye_sample;
+
+typedef struct tile {
+    uint32_t x, y, width, height;
+    uint32_t index;
+} tile;
+
+/* Per pixel of a tile. */
+typedef struct tile_pixels {
+    rgb seen[TILE * TILE]; /* emitters and sky, seen directly or by mirrors and glass */
+    rgb lit[TILE * TILE];  /* shadow-tested radiance */
+    float depth[TILE * TILE];
+    vec3 normal[TILE * TILE];
+    uint64_t cell[TILE * TILE];
+    uint32_t asked[TILE * TILE], traced[TILE * TILE];
+} tile_pixels;
+
+typedef struct eye_samples {
+    eye_sample *items;
+    size_t count, capacity;
+} eye_samples;
+
+/* Fills `out` in Morton order of the pixels (specular bounces behind all others): 16 in a row are coherent. */
+void eye_paths(const view *v, tile t, eye_samples *out, tile_pixels *pixels);
+
+/* --------------------------------------------------------------------------------------------- light pairs (shade.c) */
+
+/* A light sample of one eye sample (direct.c). */
+typedef struct light_sample {
+    vec3 target; /* position, or direction where infinite */
+    bool infinite;
+    rgb value; /* unoccluded contribution to the pixel */
+} light_sample;
+
+/* Pairs of the eye samples of a chunk with one kind of light: bit i of a row is light i. */
+typedef struct pair_bits {
+    uint32_t lights, words; /* 64-bit words a row */
+    uint64_t *asked, *visible;
+} pair_bits;
+
+enum light_group { LIGHTS_VIRTUAL, LIGHTS_PUNCTUAL, LIGHTS_SAMPLED, LIGHT_GROUPS };
+
+typedef struct chunk {
+    const eye_sample *eyes[CHUNK];
+    uint32_t count;
+    pair_bits bits[LIGHT_GROUPS];
+    float *geometry;        /* [CHUNK][vpls.padded]: cos cos / r^2 of each virtual point light */
+    light_sample *punctual; /* [CHUNK][lights] */
+    light_sample *sampled;  /* [CHUNK][samples] */
+    float *sampled_density; /* of the samples, per unit area or steradian */
+    vec3 *sampled_normal;
+    rgb material[CHUNK]; /* what the material's own sample found: a traced path, no shadow ray */
+} chunk;
+
+void chunk_new(chunk *c, const view *v, const vpl_set *vpls);
+void chunk_free(chunk *c);
+
+/* Unoccluded contributions of all lights; sets the asked bits and clears the visible ones. */
+void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c);
+/* Adds what is visible to the pixels. Sums in the order of lights, whatever the order of tracing was. */
+void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels);
+
+/* direct.c */
+uint32_t direct_sample_count(const view *v);
+light_sample direct_punctual(const eye_sample *e, const light *l);
+/* Fall-off of a spot light between its cones, as KHR_lights_punctual recommends: the square of a linear ramp of the
+ * cosine. `direction` is the way the light travels. */
+float direct_spot(const light *l, vec3 direction);
+/* Samples of emitters (density per area, normal) and of the environment (density per steradian), and one direction drawn
+ * by the material and traced, all weighted by the balance heuristic. */
+void direct_sample(const view *v, const eye_sample *e, light_sample *out, float *density, vec3 *normal);
+rgb direct_material_sample(const view *v, const eye_sample *e);
+
+/* -------------------------------------------------------------------------------------- visibility (visibility.c) */
+
+typedef struct ray_counts {
+    uint64_t asked, traced;
+} ray_counts;
+
+/* One thread's means of deciding visibility. */
+typedef struct visibility visibility;
+
+typedef struct light_ends light_ends; /* prepared ends of the lights that all eye samples share */
+light_ends *light_ends_new(const view *v, const vpl_set *vpls, const vcache *cache);
+void light_ends_free(light_ends *e);
+
+/* `cache` and `ends` are NULL for exact visibility. */
+visibility *visibility_new(const view *v, const vpl_set *vpls, vcache *cache, const light_ends *ends);
+void visibility_free(visibility *o);
+/* Sets the visible bits of the chunk. */
+void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
+ray_counts visibility_counts(const visibility *o);
+
+/* ------------------------------------------------------------------------------------------------- frame (frame.c) */
+
+/* Exact visibility of every pair of a frame, to count mispredictions with. */
+typedef struct truth {
+    uint64_t **tiles;
+    size_t tile_count;
+} truth;
+
+typedef struct frame {
+    image seen, lit, image; /* image = seen + lit */
+    image normal, cells;
+    float *depth, *traced_share;
+    double frame_s, shade_s, lights_s; /* lights_s: part of frame_s that made the virtual point lights */
+    ray_counts rays;
+    uint64_t cache_bytes, mispredicted, eye_samples;
+    uint32_t vpls, punctual, samples;
+    bool complete; /* false where it was interrupted */
+} frame;
+
+/* `record` (NULL: none) takes down exact visibility; `check` counts the differences to it. */
+bool frame_render(const view *v, const char *title, bool quiet, truth *record, const truth *check, frame *out,
+                  message *err);
+void frame_free(frame *f);
+void truth_free(truth *t);
+
+#endif

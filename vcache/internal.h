@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the library's own files share; hosts never see it. */
+#ifndef VCACHE_INTERNAL_H
+#define VCACHE_INTERNAL_H
+
+#include "hash.h"
+#include "table.h"
+#include "vcache.h"
+
+#if defined(__FAST_MATH__)
+#error "vcache's keys need IEEE arithmetic: compile without -ffast-math"
+#endif
+
+/* Steps of the resolution curve: C_R^k up to 2^32, k < 456 for C_R = 1.05. */
+#define VCACHE_MAX_STEPS 512
+
+struct vcache {
+    vcache_config config;
+    table table;
+    _Atomic uint64_t epoch_key; /* mixed into every pair: vcache_clear changes it */
+    _Atomic uint64_t epoch;
+    double center[3];
+    double diameter; /* 2 B_R */
+    double inverse_diameter;
+    int step_limit;                        /* finest step: cells stay larger than the positions' rounding */
+    int steps;                             /* filled entries below */
+    uint32_t resolution[VCACHE_MAX_STEPS]; /* R of step k: floor(C_R^k), Eq. 8 */
+    uint16_t canonical[VCACHE_MAX_STEPS];  /* first step with the same R */
+    double power[2 * VCACHE_MAX_STEPS];    /* C_R^i */
+    uint16_t first_step[66];               /* first step whose upper bound exceeds 2^i */
+};
+
+/* A cell size: resolution step and side. */
+typedef struct cell_size {
+    int step;
+    double resolution; /* R */
+    float side;        /* 2 B_R / R, scene units */
+} cell_size;
+
+/* Oriented grid through the scene's centre (Sect. 3.3) with a point in it, in units of the scene's diameter. */
+typedef struct grid_point {
+    uint32_t orientation;    /* 3 x 7 bits */
+    double u, v, w;          /* along the grid's axes */
+    double slope_u, slope_v; /* how the tangent plane falls along u and v */
+} grid_point;
+
+typedef struct cell {
+    int32_t i, j, layer;
+} cell;
+
+/* quantize.c */
+int quantize_step(const vcache *c, double squared_resolution);
+cell_size quantize_size(const vcache *c, int step);
+bool quantize_point(const vcache *c, const float position[3], const float normal[3], grid_point *out);
+/* The cell that holds the point; neighbours (NULL: not wanted) get the 4 around it in its tangent plane. */
+cell quantize_cell(const vcache *c, const grid_point *p, cell_size size, cell neighbours[4]);
+void quantize_octahedral(const float direction[3], double *s, double *t); /* [0, 1]^2 */
+bool finite3(const float p[3]);
+
+/* ends.c */
+enum end_kind { END_POINT = 0, END_DIRECTION = 1, END_PATCH = 2, END_SOLID_ANGLE = 3 };
+
+#define LIGHT_MAX_WORDS 8
+
+/* One cache line: the hot loop reads it front to back. */
+struct vcache_light {
+    uint64_t hash; /* of the split family; unused by the others */
+    float position[3];
+    float side_squared; /* of the cell, 0 without one; < 0: a direction */
+    uint64_t user;
+    uint8_t kind, bad, word_count, unused;
+    uint32_t words[LIGHT_MAX_WORDS]; /* kind and key, for the families that run over all words */
+};
+
+typedef struct eye_level {
+    uint64_t center, neighbour[4]; /* half keys of the cell and the 4 around it */
+} eye_level;
+
+struct vcache_eye {
+    float position[3];
+    float side_squared; /* of the unrefined cell */
+    uint64_t user;
+    uint32_t levels; /* 0: cannot be quantized */
+    uint32_t unused;
+    eye_level level[]; /* vcache_levels(cache, ce) of them */
+};
+
+#define VERTEX_MEMO 16
+
+struct vcache_vertex {
+    float position[3];
+    uint32_t side; /* 0 eye, 1 light */
+    uint64_t user, salt;
+    grid_point point;
+    int32_t quarter_steps; /* this end's share of 4 log_CR R; INT32_MIN: cannot be quantized */
+    uint32_t words;
+    int32_t memo_step[VERTEX_MEMO]; /* -1: empty */
+    uint64_t memo_hash[VERTEX_MEMO];
+};
+
+_Static_assert(sizeof(struct vcache_eye) + VCACHE_MAX_LEVELS * sizeof(eye_level) <= VCACHE_EYE_BYTES, "eye end");
+_Static_assert(sizeof(struct vcache_light) <= VCACHE_LIGHT_BYTES, "light end");
+_Static_assert(sizeof(struct vcache_vertex) <= VCACHE_VERTEX_BYTES, "vertex");
+
+int vcache_levels(const vcache *c, float ce);
+/* Hash of a vertex at a resolution step, remembered. */
+uint64_t vertex_hash(const vcache *c, vcache_vertex *v, int step);
+/* Step at which a pair of vertices meets (Eq. 6); -1: one of them cannot be quantized. */
+int vertex_step(const vcache *c, const vcache_vertex *eye, const vcache_vertex *light);
+
+/* Key of a pair from an eye half and a light end. */
+static inline uint64_t pair_key(vcache_hash family, uint64_t epoch_key, uint64_t half, const vcache_light *light)
+{
+    if (family == VCACHE_HASH_SPLIT)
+        return hash_fold(half ^ epoch_key, light->hash);
+    return hash_finish(family, hash_recurrence(family, half ^ epoch_key, light->words, light->word_count));
+}
+
+static inline uint64_t pair_slot(const vcache *c, vcache_hash family, uint64_t key)
+{
+    return family == VCACHE_HASH_SPLIT ? table_slot(&c->table, key) : table_slot_modulo(&c->table, key);
+}
+
+#endif

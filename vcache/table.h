@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The lock-free table: a word is
+ *
+ *     31                               1   0
+ *    +----------------------------------+---+
+ *    | digest, 1 ... 2^31 - 1           | V |      0: empty
+ *    +----------------------------------+---+
+ *
+ * What races: two threads may write one word at a time, and a reader sees one or the other. Each word is written and
+ * read whole (relaxed atomics), and holds digest and answer together, so that a reader gets a right answer for its
+ * own digest or none. A foreign key has the same digest with probability 2^-31.
+ */
+#ifndef VCACHE_TABLE_H
+#define VCACHE_TABLE_H
+
+#include <stdatomic.h>
+#include <stdint.h>
+
+typedef struct table {
+    _Atomic uint32_t *words;
+    uint64_t count; /* 1 ... 2^32 */
+} table;
+
+_Static_assert(sizeof(_Atomic uint32_t) == 4, "a word of the table is 32 bits");
+
+static inline uint32_t table_load_relaxed(const table *t, uint64_t slot)
+{
+    return atomic_load_explicit(&t->words[slot], memory_order_relaxed);
+}
+
+static inline void table_store_relaxed(table *t, uint64_t slot, uint32_t word)
+{
+    atomic_store_explicit(&t->words[slot], word, memory_order_relaxed);
+}
+
+/* Multiply-shift by the upper half of the key: any count works, not powers of two alone. */
+static inline uint64_t table_slot(const table *t, uint64_t key)
+{
+    return (key >> 32) * t->count >> 32;
+}
+
+/* The division method of the paper, for its own hashes. */
+static inline uint64_t table_slot_modulo(const table *t, uint64_t key)
+{
+    return (key >> 32) % t->count;
+}
+
+/* Word that says "blocked" for this key; or 1 to it for "visible". */
+static inline uint32_t table_word(uint64_t key)
+{
+    uint32_t word = (uint32_t)key & ~1u;
+    return word ? word : 2u; /* digest 0 shares with digest 1: 0 means empty */
+}
+
+#endif

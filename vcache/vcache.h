@@ -1,0 +1,273 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * vcache - a global visibility cache for ray tracers.
+ *
+ * "Do these two points see each other?" - answered mostly without tracing a ray. Both ends of a path connection are
+ * quantized into cells of oriented virtual grids; the pair of cells is hashed, and one bit of visibility per pair is
+ * kept in a lock-free table of 32-bit words. One ray is traced per pair of cells that is asked for. The user sets one
+ * number, C_E: the error of a cell stays inside about C_E x C_E eye samples of the image.
+ *
+ * Based on: S. Popov, I. Georgiev, P. Slusallek, C. Dachsbacher, "Adaptive Quantization Visibility Caching",
+ * Computer Graphics Forum 32(2), 2013. "Eq." and "Sect." below are that paper's.
+ *
+ * In five steps:
+ *   1. vcache_default_config, set the scene's bounds, vcache_create; one vcache_worker per thread.
+ *   2. Prepare each end once: vcache_prepare_eye for what the camera sees, one of vcache_prepare_point, _direction,
+ *      _patch, _solid_angle for each light sample.
+ *   3. vcache_add pairs. Known answers are written at once.
+ *   4. vcache_misses: trace these rays any way you like; vcache_commit the answers; repeat until there is none.
+ *   5. Read the bits. (vcache_query does 3 to 5 with a callback, vcache_visible does it for one pair.)
+ *
+ * Units: positions in any unit of length, densities per that unit squared (or per steradian), directions unit length.
+ * Threads: a vcache may be shared by any number of threads without locks; a vcache_worker belongs to one thread at a
+ * time; prepared ends are read-only but for vcache_vertex. The library starts no thread, does no I/O, holds no lock.
+ * Errors: creation returns a status and a message; hot calls cannot fail. An end that cannot be quantized (NaN,
+ * infinity, zero normal or density) is answered exactly: every pair with it becomes a miss and is not stored.
+ */
+#ifndef VCACHE_H
+#define VCACHE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define VCACHE_VERSION_MAJOR 0
+#define VCACHE_VERSION_MINOR 1
+#define VCACHE_VERSION_PATCH 0
+
+#ifndef VCACHE_API
+#if defined(__GNUC__)
+#define VCACHE_API __attribute__((visibility("default")))
+#else
+#define VCACHE_API
+#endif
+#endif
+
+/* The most levels of adaptive refinement (Alg. 2), the unrefined one included. */
+#define VCACHE_MAX_LEVELS 16
+
+typedef enum vcache_status {
+    VCACHE_OK = 0,
+    VCACHE_ERROR_ARGUMENT, /* a value is out of its range; the message names it */
+    VCACHE_ERROR_MEMORY    /* the allocator returned NULL */
+} vcache_status;
+
+/* Enough for every message, the final 0 included. */
+#define VCACHE_MESSAGE_BYTES 160
+
+/* ------------------------------------------------------------------------------------------------------ the cache */
+
+typedef enum vcache_hash {
+    VCACHE_HASH_SPLIT,       /* default: each end hashed to 64 bits once, a pair costs one 64 x 64 bit multiplication */
+    VCACHE_HASH_LCG_PAIR,    /* Eq. 10: two linear congruential generators over the words of the key */
+    VCACHE_HASH_LCG_XORSHIFT /* Sect. 4.1: one 64-bit LCG followed by xorshift over the words of the key */
+} vcache_hash;
+
+/* Returns zeroed memory aligned to 64 bytes, or NULL. Both functions or neither; called by create and destroy alone. */
+typedef struct vcache_allocator {
+    void *(*allocate)(void *context, size_t bytes);
+    void (*release)(void *context, void *memory, size_t bytes);
+    void *context;
+} vcache_allocator;
+
+typedef struct vcache_config {
+    size_t size;                        /* sizeof(vcache_config), set by vcache_default_config */
+    float bounds_min[3], bounds_max[3]; /* of everything that ends lie on; finite, min <= max. Default: a unit cube */
+    int32_t normal_bins;                /* C_N, 1 ... 64, default 8: bins of the normal per axis (1: one orientation) */
+    int32_t layers;                     /* C_Z, 1 ... 64, default 8: layers per cell side along the normal */
+    float resolution_step;      /* C_R, 1.05 ... 16, default 1.2: ratio of successive grid resolutions (Eq. 8) */
+    int32_t levels;             /* C_MSR, 0 ... VCACHE_MAX_LEVELS, default 0: log2 C_E. 1: no refinement */
+    uint64_t table_bytes;       /* 4 ... 16 GiB, default 4 MiB: rounded down to whole 32-bit words */
+    vcache_hash hash;           /* default VCACHE_HASH_SPLIT */
+    vcache_allocator allocator; /* default: the C library's */
+} vcache_config;
+
+typedef struct vcache vcache;
+
+VCACHE_API vcache_config vcache_default_config(void);
+
+/* On failure *out is NULL and `message` (VCACHE_MESSAGE_BYTES bytes, or NULL) says which value is wrong. */
+VCACHE_API vcache_status vcache_create(const vcache_config *config, vcache **out, char *message);
+
+/* Releases the memory and sets *cache to NULL; NULL and a pointer to NULL are fine. No other thread may use it. */
+VCACHE_API void vcache_destroy(vcache **cache);
+
+/* Forgets everything in constant time (a new frame, something moved). Queries that run meanwhile in other threads may
+ * still be answered from before; those that begin after it returned are not. Ends prepared before stay valid. A word
+ * left from before is taken for a new one with probability 2^-31 per probe, as any foreign word. */
+VCACHE_API void vcache_clear(vcache *cache);
+
+/* Words in the table. */
+VCACHE_API uint64_t vcache_table_words(const vcache *cache);
+/* Share of words ever written, from a sample of at most `samples` words spread over the table. */
+VCACHE_API double vcache_table_filled(const vcache *cache, uint64_t samples);
+
+/* ------------------------------------------------------------------------------------------------------- the ends */
+
+/* A surface point. `normal` is the geometric one, on the side that the path arrives at (two sides of a thin wall are
+ * two orientations and never share a cell); its length does not matter. `user` is the host's own (primitive,
+ * instance, index ...) and is handed back with each miss. */
+typedef struct vcache_surface {
+    float position[3];
+    float normal[3];
+    float density; /* expected number of path vertices per unit area around here, > 0; infinity: the smallest cells */
+    uint64_t user;
+} vcache_surface;
+
+/* Where density comes from, for hosts that do not know it:
+ * - eye samples of a ray cone: `width` is the cone's diameter at the hit (a pixel's width there), `cosine` the angle of
+ *   incidence. The footprint is width^2 / cosine; cosine is capped below at 1/4 so that at grazing angles a cell of
+ *   side C_E / sqrt(density) is at most twice C_E samples along the footprint's short axis. */
+VCACHE_API float vcache_density_cone(float width, float cosine, float samples_per_pixel);
+/* - samples drawn with density `pdf` per unit area (or per steradian), `samples` of them. */
+VCACHE_API float vcache_density_pdf(float pdf, float samples);
+/* - unknown: `samples` spread evenly over a sphere around the scene's bounds. */
+VCACHE_API float vcache_density_unknown(const vcache *cache, float samples);
+
+/* Prepared ends are opaque; the host provides their memory, aligned to 8 bytes, and may copy it. Sizes are constant
+ * for a cache. `vcache_eye` depends on C_E; vcache_eye_size(cache, ce) grows with the number of levels, at most
+ * VCACHE_EYE_BYTES. Arrays of eyes have that stride; arrays of lights have stride vcache_light_size(). */
+typedef struct vcache_eye vcache_eye;
+typedef struct vcache_light vcache_light;
+#define VCACHE_EYE_BYTES 1024
+#define VCACHE_LIGHT_BYTES 96
+VCACHE_API size_t vcache_eye_size(const vcache *cache, float ce);
+VCACHE_API size_t vcache_light_size(void);
+/* Element `index` of an array of light ends. */
+VCACHE_API vcache_light *vcache_light_at(vcache_light *lights, size_t index);
+
+/* Eye end of Eq. 7: cells of side C_E / sqrt(density), halved per level. `ce` > 0 is C_E of the light ends it will meet
+ * (it may differ by kind of light: prepare one eye end for each). `salt` keeps apart what must not share answers: ray
+ * time, light linking, ray mask; ends with different salts never share a bit. */
+VCACHE_API void vcache_prepare_eye(const vcache *cache, const vcache_surface *surface, float ce, uint64_t salt,
+                                   vcache_eye *out);
+
+/* Light ends (Sect. 3.5). Two bits of the kind stand in front of each key. */
+VCACHE_API void vcache_prepare_point(const vcache *cache, const float position[3], uint64_t user, vcache_light *out);
+/* `direction` points towards the light. Points and directions are told apart bit by bit. */
+VCACHE_API void vcache_prepare_direction(const vcache *cache, const float direction[3], uint64_t user,
+                                         vcache_light *out);
+/* Eq. 7: cells of side 1 / sqrt(density): area light samples and virtual point lights. */
+VCACHE_API void vcache_prepare_patch(const vcache *cache, const vcache_surface *surface, vcache_light *out);
+/* Eq. 9 (corrected): octahedral cells, sqrt(4 pi density) a side; `density` samples per steradian around `direction`.
+ */
+VCACHE_API void vcache_prepare_solid_angle(const vcache *cache, const float direction[3], float density, uint64_t user,
+                                           vcache_light *out);
+
+/* Ends of bidirectional path tracing (Eq. 6): on both sides cells of side (C_E^2 / (P_e P_l N_P))^(1/4), where P are
+ * the densities of last vertices. A vertex remembers what it hashed, so it belongs to one thread while it is queried.
+ */
+typedef struct vcache_vertex vcache_vertex;
+#define VCACHE_VERTEX_BYTES 384
+VCACHE_API size_t vcache_vertex_size(void);
+/* `paths` is N_P > 0; P_e N_P / C_E^2 is the eye side's share of Eq. 6, P_l the light side's. */
+VCACHE_API void vcache_prepare_eye_vertex(const vcache *cache, const vcache_surface *surface, float ce, float paths,
+                                          uint64_t salt, vcache_vertex *out);
+VCACHE_API void vcache_prepare_light_vertex(const vcache *cache, const vcache_surface *surface, vcache_vertex *out);
+
+/* The cell of a prepared eye end at `level` (0: unrefined; beyond the last: the last), for false-colour pictures.
+ * 0 where the end is answered exactly. */
+VCACHE_API uint64_t vcache_eye_cell(const vcache_eye *eye, int level);
+
+/* ------------------------------------------------------------------------------------------------------- querying */
+
+/* A ray to trace: from eye_position to light_position, or towards it without end where `infinite`. The points are those
+ * that the host gave; offsetting them off their surfaces is the host's task (that is what the two `user` are for). */
+typedef struct vcache_miss {
+    uint64_t eye_user, light_user;
+    float eye_position[3], light_position[3];
+    bool infinite;
+} vcache_miss;
+
+/* What a ray found. ONCE: the answer holds for this pair alone (transparent shadow, alpha cut-out) and is not stored.
+ */
+typedef uint8_t vcache_answer;
+#define VCACHE_BLOCKED 0
+#define VCACHE_VISIBLE 1
+#define VCACHE_ONCE 2 /* or-ed to one of the two */
+
+typedef struct vcache_worker_config {
+    size_t size;       /* sizeof(vcache_worker_config) */
+    uint32_t capacity; /* 1 ... 2^24, default 65536: pairs that can wait for rays at a time */
+    bool exact;        /* every pair is a miss, nothing is looked up or stored: for comparison */
+} vcache_worker_config;
+
+/* Pending batch, scratch and statistics of one thread. */
+typedef struct vcache_worker vcache_worker;
+
+VCACHE_API vcache_worker_config vcache_default_worker_config(void);
+/* `config` may be NULL for the defaults. The cache must outlive the worker. */
+VCACHE_API vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *config, vcache_worker **out,
+                                              char *message);
+VCACHE_API void vcache_worker_destroy(vcache_worker **worker);
+
+/* Adds the pairs of `eye` with lights[i] for each i in [first, count) whose bit in `asked` is set (bit i % 64 of word
+ * i / 64; NULL: all). Bit i of `visible` is set or cleared at once where the answer is known, else by a later
+ * vcache_commit; other bits stay. Ends, lights and `visible` must stay where they are until then. Returns `count`, or
+ * the index of the first light not taken because the batch is full: resolve it and go on from there. */
+VCACHE_API uint32_t vcache_add(vcache_worker *worker, const vcache_eye *eye, const vcache_light *lights, uint32_t first,
+                               uint32_t count, const uint64_t *asked, uint64_t *visible);
+
+/* The same for one pair of vertices (Eq. 6, no refinement); false where the batch is full and the pair was not taken.
+ */
+VCACHE_API bool vcache_add_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light, uint64_t *visible,
+                                    uint32_t bit);
+
+/* The rays to trace now, each pair of cells once; valid until the next call with this worker. 0: all is answered. */
+VCACHE_API size_t vcache_misses(vcache_worker *worker, const vcache_miss **misses);
+
+/* Answers for all of these rays, in their order. Pairs that waited for the same cells are looked up again and may give
+ * new misses (a finer level). */
+VCACHE_API void vcache_commit(vcache_worker *worker, const vcache_answer *answers);
+
+/* Drops all pending pairs; their bits stay as they are. */
+VCACHE_API void vcache_cancel(vcache_worker *worker);
+
+/* Traces `count` rays into answers[0 ... count - 1]; false cancels. No lock is held; any other worker may be used
+ * inside. */
+typedef bool (*vcache_trace)(void *context, const vcache_miss *misses, size_t count, vcache_answer *answers);
+
+/* Resolves the pending batch by the callback. False where it was cancelled; pending pairs are dropped then. */
+VCACHE_API bool vcache_resolve(vcache_worker *worker, vcache_trace trace, void *context);
+
+/* vcache_add and vcache_resolve for one eye end against `count` light ends (and whatever was pending). */
+VCACHE_API bool vcache_query(vcache_worker *worker, const vcache_eye *eye, const vcache_light *lights, uint32_t count,
+                             const uint64_t *asked, uint64_t *visible, vcache_trace trace, void *context);
+
+/* One pair, for recursive renderers: no allocation, and a pending batch of the worker stays untouched. A cancelled
+ * trace counts as blocked and is not stored. */
+VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light,
+                               vcache_trace trace, void *context);
+
+/* ----------------------------------------------------------------------------------------------------- statistics */
+
+typedef struct vcache_statistics {
+    size_t size;                      /* in: sizeof(vcache_statistics); out: bytes that this version filled */
+    uint64_t asked;                   /* pairs added */
+    uint64_t traced;                  /* rays given out as misses, bypassed ones included */
+    uint64_t bypassed;                /* of these: pairs answered exactly (ends nearer than a cell, ends that cannot
+                                         be quantized, exact mode) */
+    uint64_t once;                    /* of these: answers that were not to be stored */
+    uint64_t stored;                  /* words written */
+    uint64_t overwritten;             /* of these: words that held something else, or something older than a clear */
+    uint64_t hits[VCACHE_MAX_LEVELS]; /* pairs answered by the table, by level */
+    uint32_t hit_levels;              /* mask of the levels that have hits */
+} vcache_statistics;
+
+/* Counts of this worker since it was created or reset. */
+VCACHE_API void vcache_worker_statistics(const vcache_worker *worker, vcache_statistics *out);
+VCACHE_API void vcache_worker_reset_statistics(vcache_worker *worker);
+
+VCACHE_API const char *vcache_status_text(vcache_status status);
+/* major * 10000 + minor * 100 + patch of the library that is linked. */
+VCACHE_API uint32_t vcache_version(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
