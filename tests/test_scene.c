@@ -99,16 +99,18 @@ static void completes(void **state)
     scene_add_instance(s, far);
     for (int i = 0; i < 4; i++) /* inside the others' bounds */
         scene_add_instance(s, (instance){.mesh = 0, .to_world = {1, 0, 0, 1, 0, 1, 0, 1, 0, 0, 1, 1}});
+    scene_add_instance(
+        s, (instance){.mesh = 0, .to_world = {1, 0, 0, -0.5f, 0, 1, 0, 0.5f, 0, 0, 1, 0}}); /* half inside */
     assert_true(scene_finish(s, &err));
-    assert_int_equal(s->triangle_count, 12);
-    assert_vec(s->bounds_min, 0, 0, 0);
+    assert_int_equal(s->triangle_count, 14);
+    assert_vec(s->bounds_min, -0.5f, 0, 0);
     assert_vec(s->bounds_max, 7, 8, 7);
     assert_non_null(s->environment);
     assert_int_equal(s->camera_count, 1);
     /* all corners of the bounds lie inside the cone of the camera */
     const camera *c = &s->cameras[0];
     for (int i = 0; i < 8; i++) {
-        vec3 p = v3(i & 1 ? 7 : 0, i & 2 ? 8 : 0, i & 4 ? 7 : 0), d = v3_normalize(v3_sub(p, c->eye));
+        vec3 p = v3(i & 1 ? 7 : -0.5f, i & 2 ? 8 : 0, i & 4 ? 7 : 0), d = v3_normalize(v3_sub(p, c->eye));
         assert_true(v3_dot(d, c->forward) >= cosf(0.5f * c->yfov) - 1e-4f);
     }
     scene_free(s);

@@ -138,7 +138,7 @@ static void glb_lights(void **state)
         "{'translation':[1,2,3],'extensions':{'KHR_lights_punctual':{'light':0}}},"
         "{'translation':[4,5,6],'extensions':{'KHR_lights_punctual':{'light':0}}},"
         "{'rotation':[-0.7071068,0,0,0.7071068],'scale':[3,3,3],'extensions':{'KHR_lights_punctual':{'light':1}}},"
-        "{'translation':[7,8,9],'extensions':{'KHR_lights_punctual':{'light':2}}}],"
+        "{'translation':[7,8,9],'rotation':[0,0.7071068,0,0.7071068],'extensions':{'KHR_lights_punctual':{'light':2}}}],"
         "'meshes':[{'primitives':[{" PRIMITIVE "}]}]"));
     assert_int_equal(s->light_count, 4);
     assert_int_equal(s->lights[0].kind, LIGHT_POINT);
@@ -150,7 +150,7 @@ static void glb_lights(void **state)
     assert_vec(s->lights[2].intensity, 3, 3, 3, 1e-6f);
     assert_int_equal(s->lights[3].kind, LIGHT_SPOT);
     assert_vec(s->lights[3].position, 7, 8, 9, 1e-6f);
-    assert_vec(s->lights[3].direction, 0, 0, -1, 1e-6f);
+    assert_vec(s->lights[3].direction, -1, 0, 0, 1e-5f);
     assert_float_equal(s->lights[3].cos_inner, cosf(0.2f), 1e-6f);
     assert_float_equal(s->lights[3].cos_outer, cosf(0.5f), 1e-6f);
     assert_null(s->environment);
