@@ -27,8 +27,7 @@ static image noise(uint32_t width, uint32_t height)
 
 static bool save_rgb(const char *path, const image *i, exr_options options)
 {
-    const exr_channel channels[3] = {
-        {"R", &i->pixels[0].x, 3}, {"G", &i->pixels[0].y, 3}, {"B", &i->pixels[0].z, 3}};
+    const exr_channel channels[3] = {{"R", &i->pixels[0].x, 3}, {"G", &i->pixels[0].y, 3}, {"B", &i->pixels[0].z, 3}};
     return exr_save(path, i->width, i->height, channels, 3, NULL, 0, options, &err);
 }
 
@@ -276,9 +275,9 @@ static void png_is_srgb(void **state)
     static const struct {
         float linear;
         int coded;
-    } table[] = {{0.0f, 0},        {1.0f, 255},      {0.5f, 188},   {0.18f, 118},  {0.0031308f, 10}, {0.001f, 3},
-                 {0.2122308f, 127}, {0.7304608f, 222}, {-1.0f, 0},   {2.0f, 255},   {INFINITY, 255},  {-INFINITY, 0},
-                 {NAN, 0},         {1e-20f, 0},      {0.9999f, 255}, {0.00015f, 0}, {0.00016f, 1}};
+    } table[] = {{0.0f, 0},         {1.0f, 255},       {0.5f, 188},    {0.18f, 118},  {0.0031308f, 10}, {0.001f, 3},
+                 {0.2122308f, 127}, {0.7304608f, 222}, {-1.0f, 0},     {2.0f, 255},   {INFINITY, 255},  {-INFINITY, 0},
+                 {NAN, 0},          {1e-20f, 0},       {0.9999f, 255}, {0.00015f, 0}, {0.00016f, 1}};
     enum { COUNT = sizeof table / sizeof table[0] };
     image i = image_new(COUNT, 3);
     for (int y = 0; y < 3; ++y)

@@ -138,7 +138,8 @@ static void glb_lights(void **state)
         "{'translation':[1,2,3],'extensions':{'KHR_lights_punctual':{'light':0}}},"
         "{'translation':[4,5,6],'extensions':{'KHR_lights_punctual':{'light':0}}},"
         "{'rotation':[-0.7071068,0,0,0.7071068],'scale':[3,3,3],'extensions':{'KHR_lights_punctual':{'light':1}}},"
-        "{'translation':[7,8,9],'rotation':[0,0.7071068,0,0.7071068],'extensions':{'KHR_lights_punctual':{'light':2}}}],"
+        "{'translation':[7,8,9],'rotation':[0,0.7071068,0,0.7071068],'extensions':{'KHR_lights_punctual':{'light':2}}}]"
+        ","
         "'meshes':[{'primitives':[{" PRIMITIVE "}]}]"));
     assert_int_equal(s->light_count, 4);
     assert_int_equal(s->lights[0].kind, LIGHT_POINT);

@@ -127,12 +127,11 @@ static void light_finish(const vcache *c, vcache_light *out, const uint32_t *wor
     memcpy(w, words, count * sizeof *words);
     out->bad = 0;
     if (c->config.hash == VCACHE_HASH_SPLIT) {
-        out->hash = hash_four(w, seed_kind[out->kind]);
+        out->key.hash = hash_four(w, seed_kind[out->kind]);
         return;
     }
-    out->words[0] = out->kind;
-    memcpy(&out->words[1], w, count * sizeof *w);
-    out->word_count = (uint8_t)(count + 1);
+    memcpy(out->key.words, w, sizeof w);
+    out->word_count = (uint8_t)count;
 }
 
 static void prepare_bitwise(const vcache *c, enum end_kind kind, const float v[3], uint64_t user, vcache_light *out)

@@ -60,16 +60,16 @@ bool finite3(const float p[3]);
 /* ends.c */
 enum end_kind { END_POINT = 0, END_DIRECTION = 1, END_PATCH = 2, END_SOLID_ANGLE = 3 };
 
-#define LIGHT_MAX_WORDS 8
-
-/* One cache line: the hot loop reads it front to back. */
+/* Two thirds of a cache line: the hot loop reads all but `user`. */
 struct vcache_light {
-    uint64_t hash; /* of the split family; unused by the others */
+    union {
+        uint64_t hash;     /* of the split family */
+        uint32_t words[4]; /* the key, for the families that run over its words; the kind goes first */
+    } key;
     float position[3];
     float side_squared; /* of the cell, 0 without one; < 0: a direction */
     uint64_t user;
     uint8_t kind, bad, word_count, unused;
-    uint32_t words[LIGHT_MAX_WORDS]; /* kind and key, for the families that run over all words */
 };
 
 typedef struct eye_level {
@@ -112,8 +112,10 @@ int vertex_step(const vcache *c, const vcache_vertex *eye, const vcache_vertex *
 static inline uint64_t pair_key(vcache_hash family, uint64_t epoch_key, uint64_t half, const vcache_light *light)
 {
     if (family == VCACHE_HASH_SPLIT)
-        return hash_fold(half ^ epoch_key, light->hash);
-    return hash_finish(family, hash_recurrence(family, half ^ epoch_key, light->words, light->word_count));
+        return hash_fold(half ^ epoch_key, light->key.hash);
+    uint32_t kind = light->kind;
+    uint64_t state = hash_recurrence(family, half ^ epoch_key, &kind, 1);
+    return hash_finish(family, hash_recurrence(family, state, light->key.words, light->word_count));
 }
 
 static inline uint64_t pair_slot(const vcache *c, vcache_hash family, uint64_t key)

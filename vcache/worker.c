@@ -10,6 +10,31 @@
 
 enum { NO_LEVEL = 0xff };
 
+#if defined(__GNUC__)
+static inline int count_trailing_zeros(uint64_t x) /* x != 0 */
+{
+    return __builtin_ctzll(x);
+}
+
+static inline uint32_t count_ones(uint64_t x)
+{
+    return (uint32_t)__builtin_popcountll(x);
+}
+#else
+static inline uint32_t count_ones(uint64_t x)
+{
+    uint32_t n = 0;
+    for (; x; x &= x - 1)
+        n++;
+    return n;
+}
+
+static inline int count_trailing_zeros(uint64_t x)
+{
+    return (int)count_ones((x & -x) - 1);
+}
+#endif
+
 /* A pair on its way. */
 typedef struct pair {
     union {
@@ -267,34 +292,105 @@ static void ask(vcache_worker *w, const pair *p, uint64_t key)
     }
 }
 
-static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
-                                  const vcache_light *lights, uint32_t first, uint32_t count, const uint64_t *asked,
-                                  uint64_t *visible)
+static inline void enter(vcache_worker *w, vcache_hash family, pair *p, uint64_t epoch_key)
+{
+    step s = walk(w->cache, family, epoch_key, p->from.eye, p->to.light, p->level);
+    if (s.known) {
+        count_hit(w, s.level);
+        answer(p->visible, p->bit, s.visible);
+        return;
+    }
+    p->level = (uint8_t)s.level;
+    ask(w, p, s.key);
+}
+
+static inline void prefetch(const vcache *c, vcache_hash family, uint64_t key)
+{
+#if defined(__GNUC__)
+    __builtin_prefetch((const void *)&c->table.words[pair_slot(c, family, key)]);
+#else
+    (void)c, (void)family, (void)key;
+#endif
+}
+
+/* Up to 64 lights: the walk of Algorithm 2 over all of them at a time, so that their words come from memory side by side
+ * and not one after the other. Nearly all pairs end in the first level; the others go on one by one. */
+static inline void add_block(vcache_worker *w, vcache_hash family, uint64_t epoch_key, const vcache_eye *eye,
+                             const vcache_light *lights, uint32_t base, uint64_t asked, uint64_t *visible)
 {
     const vcache *c = w->cache;
-    uint64_t epoch_key = atomic_load_explicit(&w->cache->epoch_key, memory_order_acquire);
-    for (uint32_t i = first; i < count; i++) {
-        if (asked && !(asked[i / 64] >> (i % 64) & 1))
-            continue;
-        pair p = {.from.eye = eye, .to.light = &lights[i], .visible = visible, .bit = i};
-        if (is_full(w))
-            return i;
-        w->statistics.asked++;
-        if (w->config.exact || bypasses(eye, &lights[i])) {
+    pair p = {.from.eye = eye, .visible = visible};
+    uint64_t keys[64], around[64][4], yes = 0, no = 0;
+    uint8_t index[64];
+    uint32_t count = 0;
+    for (; asked; asked &= asked - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(asked);
+        p.to.light = &lights[base + i];
+        p.bit = base + i;
+        if (w->config.exact || bypasses(eye, p.to.light)) {
             p.level = NO_LEVEL;
             add_miss(w, &p, 0);
             continue;
         }
-        step s = walk(c, family, epoch_key, eye, &lights[i], 0);
-        if (s.known) {
-            count_hit(w, s.level);
-            answer(visible, i, s.visible);
+        index[count] = (uint8_t)i;
+        keys[count] = pair_key(family, epoch_key, eye->level[0].center, p.to.light);
+        prefetch(c, family, keys[count++]);
+    }
+    bool deep = eye->levels > 1;
+    for (uint32_t k = 0; k < count && deep; k++)
+        for (int i = 0; i < 4; i++) {
+            around[k][i] = pair_key(family, epoch_key, eye->level[0].neighbour[i], &lights[base + index[k]]);
+            prefetch(c, family, around[k][i]);
+        }
+    for (uint32_t k = 0; k < count; k++) {
+        bool value, other, differs = false;
+        p.to.light = &lights[base + index[k]];
+        p.bit = base + index[k];
+        p.level = 0;
+        if (!look_up(c, family, keys[k], &value)) {
+            ask(w, &p, keys[k]);
             continue;
         }
-        p.level = (uint8_t)s.level;
-        ask(w, &p, s.key);
+        for (int i = 0; i < 4 && deep; i++)
+            differs |= look_up(c, family, around[k][i], &other) & (other != value);
+        if (differs) {
+            p.level = 1;
+            enter(w, family, &p, epoch_key);
+            continue;
+        }
+        *(value ? &yes : &no) |= (uint64_t)1 << index[k];
     }
-    return count;
+    w->statistics.hits[0] += count_ones(yes | no);
+    w->statistics.hit_levels |= (yes | no) != 0;
+    visible[base / 64] = (visible[base / 64] | yes) & ~no;
+}
+
+static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
+                                  const vcache_light *lights, uint32_t first, uint32_t count, const uint64_t *asked,
+                                  uint64_t *visible)
+{
+    uint64_t epoch_key = atomic_load_explicit(&w->cache->epoch_key, memory_order_acquire);
+    while (first < count) {
+        uint32_t base = first & ~63u, end = count - base < 64 ? count - base : 64;
+        uint64_t word = asked ? asked[base / 64] : ~(uint64_t)0;
+        word &= ~(uint64_t)0 << (first - base);
+        word &= ~(uint64_t)0 >> (64 - end);
+        first = base + end;
+        uint32_t room = w->config.capacity - w->miss_count - w->waiting_count, wanted = count_ones(word);
+        if (wanted > room) {
+            uint64_t rest = word;
+            for (; room; room--)
+                rest &= rest - 1;
+            first = base + (uint32_t)count_trailing_zeros(rest);
+            word &= ~rest;
+            count = first;
+            wanted = count_ones(word);
+        }
+        w->statistics.asked += wanted;
+        if (word)
+            add_block(w, family, epoch_key, eye, lights, base, word, visible);
+    }
+    return first;
 }
 
 uint32_t vcache_add(vcache_worker *w, const vcache_eye *eye, const vcache_light *lights, uint32_t first, uint32_t count,
@@ -360,18 +456,10 @@ size_t vcache_misses(vcache_worker *w, const vcache_miss **misses)
 
 static void enter_again(vcache_worker *w, pair *p, uint64_t epoch_key)
 {
-    if (p->vertices) {
+    if (p->vertices)
         enter_vertices(w, p);
-        return;
-    }
-    step s = walk(w->cache, w->cache->config.hash, epoch_key, p->from.eye, p->to.light, p->level);
-    if (s.known) {
-        count_hit(w, s.level);
-        answer(p->visible, p->bit, s.visible);
-        return;
-    }
-    p->level = (uint8_t)s.level;
-    ask(w, p, s.key);
+    else
+        enter(w, w->cache->config.hash, p, epoch_key);
 }
 
 void vcache_commit(vcache_worker *w, const vcache_answer *answers)

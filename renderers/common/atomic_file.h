@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Output files that appear under their name only once complete: written beside the target under a temporary name, then
- * renamed. There is no fsync, so a power cut may still lose the file; a crash or a full disk does not leave half of one. */
+ * renamed. There is no fsync, so a power cut may still lose the file; a crash or a full disk does not leave half of
+ * one. */
 #ifndef COMMON_ATOMIC_FILE_H
 #define COMMON_ATOMIC_FILE_H
 
@@ -10,7 +11,7 @@
 #include <stdio.h>
 
 typedef struct atomic_file {
-    FILE *stream;                   /* opened for writing; seekable */
+    FILE *stream;                    /* opened for writing; seekable */
     char *path, *target, *temporary; /* as given; behind symbolic links; beside `target` */
 } atomic_file;
 

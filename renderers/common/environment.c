@@ -113,8 +113,8 @@ static double texel_luminance(const environment *e, uint32_t i, uint32_t j)
     return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
 }
 
-/* Mean over a texel's square of the bilinear lookup: 1 6 1 over 8 along each axis. So the density follows what the lookup
- * gives, and is positive in every texel into which a bright neighbour bleeds. */
+/* Mean over a texel's square of the bilinear lookup: 1 6 1 over 8 along each axis. So the density follows what the
+ * lookup gives, and is positive in every texel into which a bright neighbour bleeds. */
 static double lookup_luminance(const environment *e, uint32_t i, uint32_t j)
 {
     uint32_t is[3] = {i > 0 ? i - 1 : e->width - 1, i, i + 1 < e->width ? i + 1 : 0};

@@ -62,17 +62,11 @@ static int64_t file_size(exr_const_context_t context, void *user)
     return (int64_t)((const source *)user)->size;
 }
 
-/* Zeroed, because some damaged chunks leave part of the library's buffers unwritten. */
-static void *zeroed(size_t size)
-{
-    return calloc(1, size ? size : 1);
-}
-
 static bool usable_box(const exr_attr_box2i_t *b)
 {
     const int32_t limit = 1 << 28; /* keeps sums and differences of coordinates within an int */
-    return b->min.x >= -limit && b->min.y >= -limit && b->max.x <= limit && b->max.y <= limit &&
-           b->min.x <= b->max.x && b->min.y <= b->max.y;
+    return b->min.x >= -limit && b->min.y >= -limit && b->max.x <= limit && b->max.y <= limit && b->min.x <= b->max.x &&
+           b->min.y <= b->max.y;
 }
 
 static bool find_channels(reader *r, message *err)
@@ -149,7 +143,7 @@ static void place(const reader *r, int32_t x0, int32_t y0, int32_t width, int32_
 static bool decode_chunk(reader *r, const exr_chunk_info_t *chunk, int32_t x0, int32_t y0, int32_t width,
                          int32_t height, message *err)
 {
-    if (chunk->width != width || chunk->height != height || chunk->packed_size == 0 ||
+    if (chunk->width != width || chunk->height != height ||
         (r->compression == EXR_COMPRESSION_NONE && chunk->packed_size != chunk->unpacked_size))
         return fail(err, "the block at (%d, %d) is damaged", (int)x0, (int)y0);
     size_t area = (size_t)width * (size_t)height;
@@ -244,8 +238,6 @@ bool exr_decode(const unsigned char *bytes, size_t size, image *out, message *er
     source s = {.bytes = bytes, .size = size};
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
     init.error_handler_fn = on_error;
-    init.alloc_fn = zeroed;
-    init.free_fn = free;
     init.user_data = &s;
     init.read_fn = read_bytes;
     init.size_fn = file_size;

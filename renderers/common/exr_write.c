@@ -36,8 +36,8 @@ static void on_error(exr_const_context_t context, exr_result_t code, const char 
         fail(&w->first, "%.300s", text);
 }
 
-static int64_t write_bytes(exr_const_context_t context, void *user, const void *buffer, uint64_t size,
-                           uint64_t offset, exr_stream_error_func_ptr_t error)
+static int64_t write_bytes(exr_const_context_t context, void *user, const void *buffer, uint64_t size, uint64_t offset,
+                           exr_stream_error_func_ptr_t error)
 {
     writer *w = user;
     const char *at = buffer;
@@ -108,9 +108,9 @@ static bool write_header(writer *w, const exr_attribute *attributes, size_t attr
         good = exr_set_tile_descriptor(w->context, part, TILE_SIZE, TILE_SIZE, EXR_TILE_ONE_LEVEL,
                                        EXR_TILE_ROUND_DOWN) == EXR_ERR_SUCCESS;
     for (size_t c = 0; good && c < w->channel_count; ++c)
-        good = exr_add_channel(w->context, part, w->channels[c].name,
-                               w->options.half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT, EXR_PERCEPTUALLY_LOGARITHMIC, 1,
-                               1) == EXR_ERR_SUCCESS;
+        good =
+            exr_add_channel(w->context, part, w->channels[c].name, w->options.half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT,
+                            EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1) == EXR_ERR_SUCCESS;
     for (size_t a = 0; good && a < attribute_count; ++a)
         good = exr_attr_set_string(w->context, part, attributes[a].name, attributes[a].text) == EXR_ERR_SUCCESS;
     return good && exr_write_header(w->context) == EXR_ERR_SUCCESS;
@@ -193,11 +193,8 @@ static bool write_pixels(writer *w)
 bool exr_save(const char *path, uint32_t width, uint32_t height, const exr_channel *channels, size_t channel_count,
               const exr_attribute *attributes, size_t attribute_count, exr_options options, message *err)
 {
-    writer w = {.width = width,
-                .height = height,
-                .channels = channels,
-                .channel_count = channel_count,
-                .options = options};
+    writer w = {
+        .width = width, .height = height, .channels = channels, .channel_count = channel_count, .options = options};
     message why;
     if (!check_input(&w, attributes, attribute_count, &why))
         return fail(err, "cannot write %s: %.400s", path, why.text);

@@ -108,8 +108,8 @@ image image_difference(const image *test, const image *reference, float scale)
     image out = image_new(width, height);
     for (uint32_t y = 0; y < height; ++y)
         for (uint32_t x = 0; x < width; ++x) {
-            rgb d = v3_sub(test->pixels[(size_t)y * test->width + x],
-                           reference->pixels[(size_t)y * reference->width + x]);
+            rgb d =
+                v3_sub(test->pixels[(size_t)y * test->width + x], reference->pixels[(size_t)y * reference->width + x]);
             float size = scale * fmaxf(fabsf(d.x), fmaxf(fabsf(d.y), fabsf(d.z)));
             /* Non-finite pixels show in full red. */
             float t = finite_pixel(d) && size < 1.0f ? size : 1.0f;

@@ -7,7 +7,9 @@
 #include "../common/parallel.h"
 
 #include <libgen.h>
+#include <signal.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 static const char *const visibility_names[] = {"exact", "cache", NULL};
@@ -116,6 +118,9 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
 static bool check_target(const char *path, message *err)
 {
     char copy[4096];
+    struct stat info;
+    if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
+        return fail(err, "cannot write %s: %s", path, S_ISDIR(info.st_mode) ? "it is a folder" : "not a regular file");
     if (strlen(path) >= sizeof copy)
         return fail(err, "%.60s...: path too long", path);
     strcpy(copy, path);
@@ -165,8 +170,8 @@ static bool load_scene(const arguments *a, scene **out, message *err)
 
 static bool choose_camera(const arguments *a, const scene *s, camera *out, message *err)
 {
-    const float *l = a->look;
-    if (l[6] != 0.0f) {
+    const float *l = a->look, not_given[7] = {0};
+    if (memcmp(l, not_given, sizeof not_given) != 0) {
         vec3 eye = v3(l[0], l[1], l[2]), at = v3(l[3], l[4], l[5]);
         if (!(l[6] > 0.0f && l[6] < 180.0f))
             return fail(err, "--look: the field of view must be between 0 and 180 degrees, not %g", (double)l[6]);
@@ -199,10 +204,18 @@ static bool run(const arguments *a, view *v, message *err)
     if (ok) {
         if (!a->quiet)
             comparison_print(&c, a->json && strcmp(a->json, "-") == 0 ? stderr : stdout);
+        if (!c.mode_frame.complete)
+            notice("interrupted: image and figures are of a part of the frame");
         ok = write_files(a, &c, err);
     }
     comparison_free(&c);
     return ok;
+}
+
+/* Text that did not arrive, for instance on a full disk, is a failure. */
+static bool flush_output(message *err)
+{
+    return fflush(stdout) == 0 && !ferror(stdout) ? true : fail(err, "standard output: cannot write");
 }
 
 int main(int argc, char *argv[])
@@ -211,7 +224,10 @@ int main(int argc, char *argv[])
     message err = {0};
     switch (parse(&a, argc, argv, &err)) {
     case OPTIONS_HELP:
-        return 0;
+        if (flush_output(&err))
+            return 0;
+        fprintf(stderr, "whitted: %s\n", err.text);
+        return 1;
     case OPTIONS_ERROR:
         fprintf(stderr, "%s\n", err.text);
         return 2;
@@ -220,6 +236,7 @@ int main(int argc, char *argv[])
     }
     notice_enable(!a.quiet);
     interrupt_install();
+    signal(SIGXFSZ, SIG_IGN); /* a limit on file sizes then fails like a full disk, without leaving a temporary file */
     view v = {.settings = a.settings};
     v.settings.threads = parallel_thread_count(a.settings.threads);
     scene *s = NULL;
@@ -236,7 +253,9 @@ int main(int argc, char *argv[])
         const float high[3] = {s->bounds_max.x, s->bounds_max.y, s->bounds_max.z};
         memcpy(v.settings.cache.bounds_min, low, sizeof low);
         memcpy(v.settings.cache.bounds_max, high, sizeof high);
-        ok = run(&a, &v, &err);
+        if (a.outputs.count == 0 && !a.picture && !a.json && !a.compare)
+            notice("no --output: the image will not be kept");
+        ok = run(&a, &v, &err) && flush_output(&err);
     }
     if (!ok)
         fprintf(stderr, "whitted: %s\n", err.text);
