@@ -3,6 +3,9 @@
 #ifndef TESTS_RENDER_SUPPORT_H
 #define TESTS_RENDER_SUPPORT_H
 
+#include "../renderers/whitted/whitted.h"
+#include "scene_support.h"
+
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,10 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
-#include <cmocka.h>
-
-#include "../renderers/whitted/whitted.h"
-#include "scene_support.h"
+#include <cmocka.h> /* after ours: it defines a macro fail() */
 
 /* --------------------------------------------------------------------------------------------------------- shapes */
 

@@ -357,13 +357,18 @@ static void cancels(void **state)
     uint64_t visible[WORDS] = {0x123456789abcdef0u, 0x3fu}, before[WORDS];
     memcpy(before, visible, sizeof visible);
     assert_int_equal(vcache_add(worker, eye_at(w, 0), w->light, 0, LIGHTS, NULL, visible), LIGHTS);
+    vcache_add(worker, eye_at(w, 0), w->light, 0, LIGHTS, NULL, visible); /* these wait for the others */
     assert_true(vcache_misses(worker, NULL) > 0);
     vcache_cancel(worker);
     assert_int_equal(vcache_misses(worker, NULL), 0);
     assert_true(vcache_resolve(worker, trace, &t));
     assert_int_equal(t.rays, 0);
-    assert_memory_equal(visible, before, sizeof visible);
     assert_true(vcache_table_filled(w->cache, UINT64_MAX) == 0.0);
+    uint64_t other[WORDS] = {0};
+    assert_true(vcache_query(worker, eye_at(w, 0), w->light, 1, NULL, other, trace, &t));
+    assert_int_equal(t.rays, 1);
+    assert_memory_equal(visible, before, sizeof visible);
+    vcache_clear(w->cache);
     /* a callback that gives up at once, or after some batches */
     for (uint64_t calls = 1; calls < 4; calls++) {
         vcache_worker *small = make_worker(w->cache, 8, false);

@@ -195,6 +195,23 @@ static void suns_are_sampled_right(void **state)
     }
 }
 
+/* Texels so narrow that rounding often carries a sample over the border into the dark. */
+static void rounding_never_loses_the_density(void **state)
+{
+    (void)state;
+    image map = sun_map(1u << 17, 2, 90001, 0);
+    environment *e = from(&map);
+    rng r = rng_make(8, 8);
+    for (int n = 0; n < 100000; ++n) {
+        rgb c;
+        float pdf, u1 = rng_float(&r), u2 = rng_float(&r);
+        vec3 d = environment_sample(e, u1, u2, &c, &pdf);
+        assert_true(pdf > 0.0f && environment_pdf(e, d) > 0.0f);
+    }
+    environment_free(e);
+    image_free(&map);
+}
+
 /* Counts per texel against the density times the solid angle. */
 static void samples_follow_the_density(void **state)
 {
@@ -335,10 +352,15 @@ static void sample_maps_hold(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(axes_map_as_documented),     cmocka_unit_test(lookup_is_bilinear),
-        cmocka_unit_test(maps_are_sampled_right),     cmocka_unit_test(suns_are_sampled_right),
-        cmocka_unit_test(samples_follow_the_density), cmocka_unit_test(uniform_and_black_are_drawn_uniformly),
-        cmocka_unit_test(white_map_is_uniform),       cmocka_unit_test(bad_values_become_black),
+        cmocka_unit_test(axes_map_as_documented),
+        cmocka_unit_test(lookup_is_bilinear),
+        cmocka_unit_test(maps_are_sampled_right),
+        cmocka_unit_test(suns_are_sampled_right),
+        cmocka_unit_test(samples_follow_the_density),
+        cmocka_unit_test(rounding_never_loses_the_density),
+        cmocka_unit_test(uniform_and_black_are_drawn_uniformly),
+        cmocka_unit_test(white_map_is_uniform),
+        cmocka_unit_test(bad_values_become_black),
         cmocka_unit_test(sample_maps_hold),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

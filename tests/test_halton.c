@@ -10,7 +10,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "halton.h"
+#include "../halton/halton.h"
 
 typedef struct listing {
     uint32_t *order, starts[HALTON_MAX_SEGMENTS + 1], segments, pixels;

@@ -16,7 +16,7 @@ static uint64_t cell_of(const vcache *c, const float d[3], float density)
     vcache_light light;
     vcache_prepare_solid_angle(c, d, density, 0, &light);
     assert_false(light.bad);
-    return light.hash;
+    return light.key.hash;
 }
 
 /* Inverse of the map, written from its geometry: the square's inner diamond is the upper half. */
@@ -211,21 +211,21 @@ static void bit_by_bit(void **state)
         random_direction(&seed, v);
         vcache_prepare_point(c, v, 0, &p);
         vcache_prepare_direction(c, v, 0, &q);
-        assert_true(p.hash != q.hash);
+        assert_true(p.key.hash != q.key.hash);
         vcache_prepare_point(c, v, 99, &q);
-        assert_true(p.hash == q.hash);
+        assert_true(p.key.hash == q.key.hash);
         v[i % 3] = nextafterf(v[i % 3], 2.0f);
         vcache_prepare_point(c, v, 0, &q);
-        assert_true(p.hash != q.hash);
+        assert_true(p.key.hash != q.key.hash);
         v[i % 3] = 0.0f;
         vcache_prepare_point(c, v, 0, &p);
         v[i % 3] = -0.0f;
         vcache_prepare_point(c, v, 0, &q);
-        assert_true(p.hash == q.hash && !p.bad && p.side_squared == 0.0f);
+        assert_true(p.key.hash == q.key.hash && !p.bad && p.side_squared == 0.0f);
         vcache_prepare_direction(c, v, 0, &p);
         v[i % 3] = 0.0f;
         vcache_prepare_direction(c, v, 0, &q);
-        assert_true(p.hash == q.hash && !p.bad && p.side_squared < 0.0f);
+        assert_true(p.key.hash == q.key.hash && !p.bad && p.side_squared < 0.0f);
     }
     vcache_prepare_point(c, (float[3]){0.0f, NAN, 0.0f}, 0, &p);
     assert_true(p.bad);

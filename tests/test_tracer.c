@@ -281,6 +281,9 @@ static void instances_equal_flattened_geometry(void **state)
         assert_true(b.position_error > a.position_error);
     }
     assert_true(hits > 5000 && moved > 1000);
+    int blocked = 0, open = 0;
+    compare_packets(t[1], &r, &blocked, &open);
+    assert_true(blocked > 1000 && open > 1000);
     assert_true(differ < 10);
     for (int i = 0; i < 2; i++) {
         tracer_free(t[i]);

@@ -42,6 +42,7 @@ struct tracer {
     RTCScene *prototypes;  /* per mesh; NULL: flattened */
     placement *placements; /* per instance */
     int width;             /* widest native packet: 16, 8, 4 or 1 */
+    bool instanced;        /* some mesh is an Embree instance */
     char error[256];       /* first thing Embree complained about */
 };
 
@@ -171,6 +172,7 @@ static bool build(tracer *t)
         const instance *in = &s->instances[i];
         bool instanced = flattened > MAX_FLATTENED && uses[in->mesh] > 1;
         t->placements[i] = place(in->to_world, instanced);
+        t->instanced |= instanced;
         ok = instanced ? add_instance(t, i, in) : add_triangles(t, t->top, i, &s->meshes[in->mesh], in->to_world);
     }
     free(uses);
@@ -403,6 +405,7 @@ static void occluded_in_parts(const tracer *t, ray_packet *p, uint32_t active, b
 uint32_t tracer_occluded16(const tracer *t, ray_packet *p, uint32_t active, bool coherent)
 {
     uint32_t blocked = 0;
+    coherent = coherent && !t->instanced; /* Embree 3.13.5 never returns from some coherent packets in instances */
     if (t->width == TRACER_PACKET) {
         _Alignas(64) int valid[TRACER_PACKET];
         for (uint32_t i = 0; i < TRACER_PACKET; i++)

@@ -80,8 +80,7 @@ void eye_paths(const view *v, tile t, eye_samples *out, tile_pixels *pixels)
     eye_samples late = {0};
     memset(pixels, 0, sizeof *pixels);
     out->count = 0;
-    path p = {.view = v, .first = out, .late = &late, .pixels = pixels, .spread = pixel,
-              .share = 1.0f / (float)f->spp};
+    path p = {.view = v, .first = out, .late = &late, .pixels = pixels, .share = 1.0f / (float)f->spp};
     for (uint64_t code = 0; code < (uint64_t)TILE * TILE; code++) {
         uint32_t x, y;
         halton_morton_decode(code, &x, &y);
@@ -102,7 +101,10 @@ void eye_paths(const view *v, tile t, eye_samples *out, tile_pixels *pixels)
             float dy = (0.5f * (float)f->height - (float)(t.y + y) - w) * pixel;
             vec3 direction = v3_mad(v3_mad(v->camera.forward, dx, right), dy, v->camera.up);
             p.random = index * (uint64_t)f->spp + (uint64_t)i;
-            follow(&p, v->camera.eye, v3_normalize(direction), v3(p.share, p.share, p.share), 0.0f, 0, i == 0);
+            /* A pixel subtends pixel^2 cos^3 steradians at the angle from the axis. */
+            float length = v3_length(direction);
+            p.spread = pixel / (length * sqrtf(length));
+            follow(&p, v->camera.eye, v3_scale(direction, 1.0f / length), v3(p.share, p.share, p.share), 0.0f, 0, i == 0);
         }
     }
     for (size_t i = 0; i < late.count; i++)

@@ -1,0 +1,616 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Runs whitted as a user would: good and bad command lines, files, signals, full disks. Prints TAP.
+# Usage: cli.sh WHITTED. Needs bash, coreutils and, where there is a python3, checks JSON with it.
+# shellcheck disable=SC2016,SC2054,SC2059 # commas inside of values, escapes made for printf, a script in quotes
+set -u
+shopt -s nullglob dotglob
+
+if [[ $# -ne 1 || ! -x $1 ]]; then
+    echo "usage: cli.sh WHITTED" >&2
+    exit 2
+fi
+whitted=$(realpath -- "$1") || exit 2
+dir=$(mktemp -d) || exit 2
+child=
+trap '[[ $child ]] && kill -KILL "$child" 2>/dev/null; rm -rf -- "$dir"' EXIT
+cd -- "$dir" || exit 2
+mkdir out
+
+tests=0 failures=0 problems=()
+tiny=(--size 32x18 --vpls 16)
+
+# --- harness ---
+
+problem() { problems+=("$*"); }
+
+# One TAP line for all that was checked since the last one.
+finish() {
+    tests=$((tests + 1))
+    if [[ ${#problems[@]} -eq 0 ]]; then
+        echo "ok $tests - $1"
+    else
+        failures=$((failures + 1))
+        echo "not ok $tests - $1"
+        printf '# %s\n' "${problems[@]}"
+    fi
+    problems=()
+}
+
+skip() {
+    tests=$((tests + 1))
+    echo "ok $tests - $1 # SKIP $2"
+}
+
+# run ARGS...: the program with its output in the files stdout and stderr, its exit status in rc
+run() {
+    timeout 60 "$whitted" "$@" >stdout 2>stderr
+    rc=$?
+    read_said
+}
+
+# What stands on stderr, as lines in said_lines and together in said.
+read_said() {
+    mapfile said_lines <stderr
+    said="${said_lines[*]-}"
+    said=${said//$'\n'/|}
+}
+
+good() {
+    run "$@"
+    [[ $rc -eq 0 ]] || problem "exit $rc instead of 0: $* ($said)"
+}
+
+quiet_good() {
+    good --quiet "$@"
+    [[ ! -s stdout && ! -s stderr ]] || problem "--quiet is not quiet: $* ($said)"
+}
+
+lines() {
+    local all
+    mapfile all <"$1"
+    echo ${#all[@]}
+}
+
+# clean_failure EXIT WORD ARGS...: one line on stderr that holds WORD, nothing on stdout, no file in out/
+clean_failure() {
+    local status=$1 word=$2
+    shift 2
+    run "$@"
+    [[ " $status " == *" $rc "* ]] || problem "exit $rc instead of $status: ${*@Q} ($said)"
+    [[ ! -s stdout ]] || problem "something on standard output: ${*@Q}"
+    [[ ${#said_lines[@]} -eq 1 && $said == *'|' ]] ||
+        problem "not exactly one line on standard error: ${*@Q} ($said)"
+    [[ $said == *"$word"* && $said == whitted:* ]] || problem "message without 'whitted:' and '$word': ${*@Q} ($said)"
+    nothing_left "${*@Q}"
+}
+
+nothing_left() {
+    local left=(out/*)
+    [[ ${#left[@]} -eq 0 ]] && return
+    problem "left behind: ${left[*]}: $1"
+    rm -rf out && mkdir out
+}
+
+hex() { od -An -v -tx1 | tr -d ' \n'; }
+
+# is_exr FILE [VERSION BYTES]: single-part image; 0002: with tiles
+is_exr() {
+    local start
+    start=$(head -c 8 "$1" 2>/dev/null | hex)
+    [[ $start == 762f3101${2:-02000000} ]] || problem "$1 is no such EXR file: starts with '$start'"
+}
+
+is_png() {
+    local start end
+    start=$(head -c 8 "$1" 2>/dev/null | hex)
+    end=$(tail -c 8 "$1" 2>/dev/null | hex)
+    [[ $start == 89504e470d0a1a0a && $end == 49454e44ae426082 ]] || problem "$1 is no complete PNG file"
+}
+
+no_temporaries() {
+    local left
+    left=("${1:-.}"/*.tmp*)
+    [[ ${#left[@]} -eq 0 ]] || problem "temporary files left: ${left[*]}"
+}
+
+# same A B: as of content
+same() { [[ $(sha256sum <"$1") == "$(sha256sum <"$2")" ]]; }
+
+# Fills figure[PATH] from a JSON file with one item a line.
+declare -A figure
+read_json() {
+    local line path='' item='^[[:space:]]*"([^"]+)":[[:space:]]*([^,]*),?$' close='^[[:space:]]*\},?$'
+    figure=()
+    while IFS= read -r line; do
+        if [[ $line =~ $item ]]; then
+            if [[ ${BASH_REMATCH[2]} == '{' ]]; then
+                path+=${BASH_REMATCH[1]}.
+            else
+                figure[$path${BASH_REMATCH[1]}]=${BASH_REMATCH[2]}
+            fi
+        elif [[ $line =~ $close && $path ]]; then
+            path=${path%.}
+            if [[ $path == *.* ]]; then path=${path%.*}.; else path=; fi
+        fi
+    done <"$1"
+    if [[ $python ]] && ! "$python" -m json.tool "$1" >/dev/null 2>&1; then
+        problem "$1 is not JSON"
+    fi
+}
+
+has_keys() {
+    local key
+    for key; do
+        [[ ${figure[$key]-} ]] || problem "JSON without $key"
+    done
+}
+
+figure_is() {
+    [[ ${figure[$1]-} == "$2" ]] || problem "$1 is ${figure[$1]-missing} instead of $2"
+}
+
+# All that does not depend on the clock.
+steady_figures() {
+    local key
+    for key in "${!figure[@]}"; do
+        [[ $key == *_s || $key == speedup.frame* || $key == speedup.shade ]] || echo "$key ${figure[$key]}"
+    done | sort
+}
+
+python=$(command -v python3) || python=
+[[ $python ]] && ! "$python" -c 'import json' 2>/dev/null && python=
+
+# --- files to render ---
+
+le32() {
+    local n=$1 i
+    for i in 1 2 3 4; do
+        printf "\\x$(printf %02x $((n & 255)))"
+        n=$((n >> 8))
+    done
+}
+
+# One triangle (0 0 0), (1 0 0), (0 1 0).
+make_glb() {
+    local json='{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],'
+    json+='"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"buffers":[{"byteLength":36}],'
+    json+='"bufferViews":[{"buffer":0,"byteLength":36}],"accessors":[{"bufferView":0,"componentType":5126,'
+    json+='"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}]}'
+    while ((${#json} % 4)); do json+=' '; done
+    printf glTF
+    le32 2
+    le32 $((12 + 8 + ${#json} + 8 + 36))
+    le32 ${#json}
+    printf 'JSON%s' "$json"
+    le32 36
+    printf 'BIN\0'
+    local one=1065353216 # 1.0f
+    for word in 0 0 0 $one 0 0 0 $one 0; do le32 "$word"; done
+}
+
+make_glb >tri.glb
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n' >'a tri.obj'
+printf '%s\n' ply 'format ascii 1.0' 'element vertex 3' 'property float x' 'property float y' 'property float z' \
+    'element face 1' 'property list uchar int vertex_indices' end_header '0 0 0' '1 0 0' '0 1 0' '3 0 1 2' >tri.ply
+
+# --- help ---
+
+# name:kind of every option; kinds are those of bad_values below
+options=(size:size spp:one vpls:zero env:text env-samples:zero light-samples:zero camera:zero look:look
+    visibility:choice ce:positive ce-delta:delta ce-samples:float cn:one cz:one cr:ratio refine:zero cache-mb:one
+    shared:flag hash:choice compare:flag runs:one threads:zero seed:seed output:text picture:text half:flag tiles:flag
+    json:text quiet:flag)
+
+good --help
+[[ ! -s stderr ]] || problem "--help writes to standard error"
+[[ $(lines stdout) -le 40 ]] || problem "$(lines stdout) lines"
+listed=
+while IFS= read -r line; do
+    [[ ${#line} -le 100 ]] || problem "${#line} columns: $line"
+    [[ $line =~ ^\ +(-[a-z],\ )?--([a-z-]+) ]] && listed+="${BASH_REMATCH[2]}"$'\n'
+done <stdout
+expected=$(printf '%s\n' "${options[@]%%:*}" help | sort)
+[[ $(printf %s "$listed" | sort) == "$expected" ]] ||
+    problem "help and this test differ in: $(printf '%s\n' "$listed" "$expected" | sort | uniq -u | tr '\n' ' ')"
+mv stdout help
+good cornell -h --spp 4
+same stdout help || problem "-h behind other arguments prints something else"
+finish "--help lists every option in 40 lines of 100 columns"
+
+# --- bad command lines ---
+
+clean_failure 2 "--nonsense" --nonsense
+clean_failure 2 "did you mean '--vpls'" --vlps 4
+clean_failure 2 "--spp4" --spp4
+clean_failure 2 "'-x'" -x
+clean_failure 2 "'-o'" cornell -o
+clean_failure 2 "second" cornell second
+clean_failure 2 "SCENE" ""
+finish "unknown options and stray arguments are refused"
+
+no_number=("" nan inf 12abc 0x10 1,5)
+no_int=("${no_number[@]}" 1.5 4294967297 99999999999999999999)
+bad_values() {
+    case $1 in
+    size) values=("" 0x0 1x0 0x1 99999999x1 1x65536 1x4294967297 640 640x x640 4x4x4 -1x4 nanxinf) ;;
+    one) values=("${no_int[@]}" 0 -1) ;;
+    zero) values=("${no_int[@]}" -1) ;;
+    seed) values=("${no_number[@]}" -1 1.5 1e3 18446744073709551616) ;;
+    float) values=("${no_number[@]}" -1 1e999 20000) ;;
+    positive) values=("${no_number[@]}" 0 -1 1e-9 1e999 20000) ;;
+    delta) values=("${no_number[@]}" -2 1e999 20000) ;;
+    ratio) values=("${no_number[@]}" 0 1 -2 1e999 17) ;;
+    look) values=("" 1 1,2,3,4,5,6 1,2,3,4,5,6,7,8 1,2,3,4,5,6, 1,2,nan,4,5,6,7 1,2,3,inf,5,6,7 1,2,3,4,5,6,1e39) ;;
+    choice) values=("" nonsense 0 EXACT) ;;
+    text) values=("") ;;
+    esac
+}
+
+for entry in "${options[@]}"; do
+    name=${entry%%:*} kind=${entry##*:}
+    if [[ $kind == flag ]]; then
+        clean_failure 2 "--$name" "--$name=1" cornell
+        finish "--$name takes no value"
+        continue
+    fi
+    bad_values "$kind"
+    for value in "${values[@]}"; do
+        clean_failure 2 "'--$name'" cornell -o out/x.exr "--$name=$value"
+        [[ $said != *"unknown option"* ]] || problem "the option is unknown"
+    done
+    clean_failure 2 "'--$name' needs a value" cornell "--$name"
+    clean_failure 2 "'--$name' needs a value" "--$name" --quiet cornell
+    finish "--$name refuses $((${#values[@]} + 2)) bad values"
+done
+many=()
+for i in {1..17}; do many+=(-o "out/$i.png"); done
+clean_failure 2 "'-o'" cornell "${many[@]}"
+finish "too many outputs are refused"
+
+# --- bad files ---
+
+bad_scene() {
+    local file=${1##*/}
+    clean_failure 1 "${2-$file}" "$1" "${tiny[@]}" -o out/x.exr -o out/x.png --json out/x.json
+}
+
+mkdir folder folder.obj
+: >empty.glb
+: >empty.obj
+: >empty.ply
+echo 'this is text' | tee text.glb text.ply >text.xyz
+size=$(stat -c %s tri.glb)
+for n in 4 12 20 $((size / 2)) $((size - 37)) $((size - 1)); do head -c "$n" tri.glb >"cut$n.glb"; done
+printf 'v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n' >nan.obj
+printf 'v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\nf 1 1 1\n' >flat.obj
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\n' >faceless.obj
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n' >outside.obj
+
+for file in missing.glb missing.obj missing.ply nofolder/missing.glb folder folder.obj; do bad_scene "$file"; done
+bad_scene cornel
+finish "missing scenes and folders are refused"
+for file in empty.glb empty.obj empty.ply text.glb text.ply text.xyz; do bad_scene "$file"; done
+finish "empty files, text and unknown extensions are refused"
+for file in cut*.glb; do bad_scene "$file"; done
+finish "truncated GLB files are refused"
+for name in nan flat faceless outside; do bad_scene "$name.obj" "$name"; done
+finish "OBJ files with NaN, without area, without faces, with wild indices are refused"
+
+if [[ $(id -u) -eq 0 ]]; then
+    skip "unreadable files are refused" "root reads everything"
+else
+    cp tri.glb secret.glb
+    chmod 0 secret.glb
+    bad_scene secret.glb
+    finish "unreadable files are refused"
+fi
+
+clean_failure 1 "--camera 99" cornell "${tiny[@]}" --camera 99 -o out/x.exr
+for look in 0,0,0,0,0,0,50 1,2,3,1,2,3,50 0,0,0,0,0,1,0 0,0,0,0,0,1,180 0,0,0,0,0,1,-5; do
+    clean_failure "1 2" "--look" cornell "${tiny[@]}" "--look=$look" -o out/x.exr
+done
+finish "cameras that cannot be are refused"
+
+echo garbage | tee garbage.hdr >garbage.exr
+printf '\x76\x2f\x31\x01\x02\0\0\0' >header.exr
+for file in missing.hdr missing.exr garbage.hdr garbage.exr header.exr empty.glb folder; do
+    clean_failure 1 "$file" cornell "${tiny[@]}" --env "$file" -o out/x.exr
+done
+finish "environment maps that are missing or damaged are refused"
+
+for option in -o --picture --json; do
+    name=x.png
+    [[ $option == --json ]] && name=x.json
+    clean_failure "1 2" "nofolder/$name" cornell "${tiny[@]}" --compare "$option" "nofolder/$name"
+done
+clean_failure "1 2" "x.jpg" cornell "${tiny[@]}" -o out/a.png -o out/x.jpg
+clean_failure "1 2" "out/x" cornell "${tiny[@]}" -o out/x
+clean_failure "1 2" "x.exr" cornell "${tiny[@]}" --compare --picture out/x.exr
+clean_failure "1 2" "--picture" cornell "${tiny[@]}" --picture out/x.png
+mkdir folder.exr folder.png
+clean_failure "1 2" "folder.exr" cornell "${tiny[@]}" -o folder.exr
+clean_failure "1 2" "folder.png" cornell "${tiny[@]}" --compare --picture folder.png
+clean_failure "1 2" "folder" cornell "${tiny[@]}" --json folder
+clean_failure "1 2" "/dev/full" cornell "${tiny[@]}" --json /dev/full
+[[ -d folder.exr && -c /dev/full ]] || problem "something was written over"
+no_temporaries
+finish "outputs that cannot be written are refused before rendering"
+
+echo before >out.exr
+run cornell "${tiny[@]}" --camera 99 -o out.exr
+[[ $(<out.exr) == before ]] || problem "a failed run changed its output file"
+finish "a failed run leaves earlier output alone"
+
+# --- good runs ---
+
+for scene in cornell shapes dominoes plant; do
+    rm -f x.exr x.png
+    quiet_good "$scene" "${tiny[@]}" -o x.exr -o x.png
+    is_exr x.exr
+    is_png x.png
+    good "$scene" "${tiny[@]}"
+    [[ $(head -n 1 stdout) == "$scene: "*" triangles, 32x18, 1 spp, 16 virtual point lights"* ]] ||
+        problem "no table on standard output"
+    finish "$scene renders to EXR and PNG"
+done
+quiet_good --size 16x9 --vpls 4 -o atrium.exr --json atrium.json
+is_exr atrium.exr
+read_json atrium.json
+figure_is scene '"atrium"'
+finish "atrium is the default and renders"
+
+for file in 'a tri.obj' tri.ply tri.glb; do
+    good "$file" "${tiny[@]}" -o 'out/a file.png'
+    is_png 'out/a file.png'
+    rm -f out/*
+    [[ $said == *"notice:"*"no camera"* && $said == *"notice:"*"no light"* ]] || problem "no notices: $file ($said)"
+    quiet_good "$file" "${tiny[@]}" -o out/x.exr
+    is_exr out/x.exr
+    rm -f out/*
+done
+finish "OBJ, PLY and GLB without camera and light render, with notices"
+
+quiet_good cornell "${tiny[@]}" --output=float.exr -o tiles.exr --tiles
+is_exr tiles.exr 02020000
+quiet_good cornell "${tiny[@]}" -o float.exr
+quiet_good cornell "${tiny[@]}" -o half.exr --half
+quiet_good cornell "${tiny[@]}" -o both.exr --half --tiles
+is_exr float.exr
+is_exr half.exr
+is_exr both.exr 02020000
+[[ $(stat -c %s half.exr) -lt $(stat -c %s float.exr) ]] || problem "half is not smaller than float"
+for file in float tiles half both; do quiet_good cornell "${tiny[@]}" --env "$file.exr"; done
+finish "--half and --tiles write EXR files that can be read again"
+
+quiet_good cornell "${tiny[@]}" -o twice.png
+quiet_good cornell "${tiny[@]}" -o twice.png --look 0,1,4,0,1,0,40
+is_png twice.png
+good --quiet --size 4x4 --vpls 4 -- cornell
+quiet_good cornell "${tiny[@]}" --size 1x1 --vpls 0 --light-samples 0 --env-samples 0 -o twice.png -o twice.exr
+no_temporaries
+finish "small things: one pixel, no lights asked for, --look, --, output over older output"
+
+# --- figures ---
+
+always=(scene triangles width height spp lights threads seed mode ce mode_run.frame_s mode_run.shade_s
+    mode_run.rays_asked mode_run.rays_traced mode_run.cache_bytes)
+compared=(exact.frame_s exact.shade_s exact.rays error.l_inf error.rel_mse error.p999 error.max error.mispredicted
+    speedup.frame speedup.shade speedup.rays)
+
+quiet_good cornell "${tiny[@]}" --json plain.json --seed 7 --threads 1
+read_json plain.json
+has_keys "${always[@]}"
+for pair in 'scene "cornell"' 'width 32' 'height 18' 'spp 1' 'vpls 16' 'threads 1' 'seed 7' 'mode "cache"' 'ce 8' \
+    'complete true'; do
+    figure_is "${pair% *}" "${pair#* }"
+done
+[[ ! ${figure[error.l_inf]+set} ]] || problem "errors without --compare"
+good cornell "${tiny[@]}" --json - --seed 7 --threads 1
+mv stdout standard.json
+[[ $said == *"cornell: "* ]] || problem "no table on standard error beside --json -"
+steady=$(steady_figures)
+read_json standard.json
+[[ $(steady_figures) == "$steady" ]] || problem "--json - says something else than --json FILE"
+finish "--json writes to a file and to standard output"
+
+quiet_good cornell "${tiny[@]}" --compare --json compare.json --picture picture.png -o error.exr
+is_png picture.png
+is_exr error.exr
+read_json compare.json
+has_keys "${always[@]}" "${compared[@]}"
+figure_is exact.rays "${figure[mode_run.rays_asked]-}"
+((${figure[mode_run.rays_traced]:-0} > 0 && ${figure[mode_run.rays_traced]:-0} < ${figure[mode_run.rays_asked]:-0})) ||
+    problem "the cache saves nothing: ${figure[mode_run.rays_traced]-} of ${figure[mode_run.rays_asked]-}"
+good cornell "${tiny[@]}" --compare
+[[ $(lines stdout) -eq 5 && $(<stdout) == *speed-up*l_inf* ]] || problem "no table of five lines"
+finish "--compare gives all figures and a picture"
+
+quiet_good cornell "${tiny[@]}" --compare --visibility exact --json exact.json
+read_json exact.json
+figure_is mode '"exact"'
+for key in l_inf rel_mse p999 max mispredicted; do figure_is "error.$key" 0; done
+figure_is mode_run.rays_traced "${figure[mode_run.rays_asked]-}"
+figure_is exact.rays "${figure[mode_run.rays_asked]-}"
+figure_is speedup.rays 1
+finish "exact visibility does not differ from exact visibility"
+
+quiet_good cornell "${tiny[@]}" --compare --runs 2 --json runs.json
+read_json runs.json
+figure_is runs 2
+has_keys "${compared[@]}"
+finish "--runs 2"
+
+quiet_good cornell "${tiny[@]}" --threads 2 --json own.json
+read_json own.json
+own=${figure[mode_run.cache_bytes]:-0}
+quiet_good cornell "${tiny[@]}" --threads 2 --shared --json shared.json
+read_json shared.json
+[[ $own -gt 0 && $((2 * ${figure[mode_run.cache_bytes]:-0})) -eq $own ]] ||
+    problem "shared: ${figure[mode_run.cache_bytes]-} bytes, one per thread: $own"
+finish "--shared uses one cache"
+
+for hash in split lcg-pair lcg-xorshift; do
+    quiet_good cornell "${tiny[@]}" --hash "$hash" --compare --json hash.json
+    read_json hash.json
+    has_keys "${compared[@]}"
+done
+quiet_good cornell "${tiny[@]}" --spp 2 --ce 4 --ce-delta 2 --ce-samples 3 --cn 4 --cz 4 --cr 1.5 --refine 1 --cache-mb 1 \
+    --json settings.json
+read_json settings.json
+figure_is ce 4
+figure_is ce_delta 2
+figure_is ce_samples 3
+figure_is spp 2
+finish "every hash and every setting of the cache"
+
+# EXR and PNG carry times as text. Their pixels are in the second half of an EXR file; pictures carry no text.
+pixels() { tail -c "$pixel_bytes" "$1"; }
+for i in 1 2 3; do
+    seed=5
+    [[ $i -eq 3 ]] && seed=6
+    quiet_good cornell "${tiny[@]}" --threads 1 --seed $seed --compare --json "run$i.json" --picture "run$i.png" -o "run$i.exr"
+    read_json "run$i.json"
+    steady_figures >"run$i.txt"
+done
+pixel_bytes=$(($(stat -c %s run1.exr) / 2))
+same run1.txt run2.txt || problem "figures differ between two runs"
+same run1.png run2.png || problem "pictures differ between two runs"
+same <(pixels run1.exr) <(pixels run2.exr) || problem "pixels differ between two runs"
+same run1.txt run3.txt && problem "figures do not depend on the seed"
+same run1.png run3.png && problem "the picture does not depend on the seed"
+same <(pixels run1.exr) <(pixels run3.exr) && problem "pixels do not depend on the seed"
+finish "one thread and one seed give one image"
+
+for i in 1 2; do
+    quiet_good cornell "${tiny[@]}" --size 80x45 --visibility exact --threads "$i" -o "threads$i.exr"
+done
+pixel_bytes=$(($(stat -c %s threads1.exr) / 2))
+same <(pixels threads1.exr) <(pixels threads2.exr) || problem "pixels depend on the number of threads"
+finish "exact images do not depend on the number of threads"
+
+# --- signals ---
+
+# Shells start background jobs with SIGINT ignored, which the program respects.
+start() {
+    env --default-signal=INT,TERM "$whitted" "$@" >stdout 2>stderr &
+    child=$!
+    local i status
+    for i in {1..200}; do
+        status=$(cat "/proc/$child/status" 2>/dev/null) || break
+        [[ $status =~ SigCgt:[[:space:]]*([0-9a-f]+) ]] && ((16#${BASH_REMATCH[1]} & 2)) && break
+        sleep 0.05
+    done
+    sleep 0.7 # into the rendering
+}
+
+# Waits for the child: its exit status in rc, milliseconds in waited; killed after 20 s.
+reap() {
+    local begin now
+    begin=$(date +%s%3N)
+    while kill -0 "$child" 2>/dev/null; do
+        now=$(date +%s%3N)
+        if ((now - begin > 20000)); then
+            problem "does not end within 20 s"
+            kill -KILL "$child"
+            break
+        fi
+        sleep 0.05
+    done
+    wait "$child" 2>/dev/null
+    rc=$?
+    child=
+    waited=$(($(date +%s%3N) - begin))
+    read_said
+}
+
+if ! env --default-signal=INT true 2>/dev/null; then
+    skip "interrupts" "this env cannot reset signals"
+else
+    mkdir signal
+    # many small tiles: the program looks for signals between them
+    start cornell --size 1280x720 --spp 2 --threads 1 -o signal/x.exr -o signal/x.png --json signal/x.json --quiet
+    kill -INT "$child"
+    reap
+    [[ $rc -eq 130 ]] || problem "exit $rc instead of 130 ($said)"
+    [[ ! -s stdout && ! -s stderr ]] || problem "--quiet is not quiet ($said)"
+    ((waited < 10000)) || problem "took $waited ms"
+    no_temporaries signal
+    is_exr signal/x.exr
+    is_png signal/x.png
+    read_json signal/x.json
+    figure_is complete false
+    quiet_good cornell "${tiny[@]}" --env signal/x.exr
+    finish "SIGINT ends rendering and what is done is written"
+
+    # tiles that take minutes
+    start cornell --size 64x64 --spp 64 --vpls 65536 --visibility exact --threads 1 -o out/x.exr --quiet
+    kill -INT "$child"
+    sleep 0.2
+    kill -0 "$child" 2>/dev/null && kill -INT "$child"
+    reap
+    [[ $rc -eq 130 ]] || problem "exit $rc instead of 130 ($said)"
+    ((waited < 5000)) || problem "took $waited ms"
+    finish "a second SIGINT kills at once"
+    rm -rf out && mkdir out
+fi
+
+# --- no space ---
+
+if [[ -c /dev/full ]]; then
+    for arguments in "cornell --json - --quiet" cornell --help; do
+        # shellcheck disable=SC2086
+        timeout 60 "$whitted" $arguments "${tiny[@]}" >/dev/full 2>stderr
+        rc=$?
+        : >stdout
+        said=$(tail -n 1 stderr)
+        [[ $rc -eq 1 && $said == "whitted: standard output: "* ]] || problem "exit $rc: $arguments ($said)"
+    done
+    finish "a full disk behind standard output is noticed"
+else
+    skip "a full disk behind standard output is noticed" "no /dev/full"
+fi
+
+# no_space OPTION FILE: checks a run whose messages are in said
+no_space() {
+    [[ $rc -eq 1 && $said == "whitted: "*"$2: "* && $said != *$'\n'* ]] || problem "exit $rc: $1 $2 (${said//$'\n'/|})"
+}
+
+spacious=(cornell --size 160x90 --vpls 16 --quiet --compare)
+echo before >out/old.png
+for option in '-o out/x.exr' '-o out/x.png' '-o out/old.png' '--picture out/x.png' '--json out/x.json'; do
+    said=$(
+        [[ $option == --json* ]] # less than one block of 1024 bytes
+        ulimit -f $?
+        exec timeout 60 "$whitted" "${spacious[@]}" "${option% *}" "${option#* }" 2>&1
+    )
+    rc=$?
+    no_space "${option% *}" "${option#* }"
+done
+[[ $(<out/old.png) == before ]] || problem "the older file is gone"
+rm -f out/old.png
+nothing_left "beyond the limit"
+finish "a limit on file sizes is a failure in one line without half a file"
+
+unshare=(unshare --mount)
+[[ $(id -u) -eq 0 ]] || unshare+=(--user --map-root-user)
+mount='mount -t tmpfs -o size=4k none "$1"'
+if ! "${unshare[@]}" bash -c "$mount" - out 2>/dev/null; then
+    skip "a full disk is a failure in one line without half a file" "no tmpfs can be mounted"
+else
+    for option in '-o x.exr' '-o x.png' '--picture x.png'; do
+        said=$("${unshare[@]}" bash -c "$mount"'
+            cd "$1" || exit
+            shift
+            timeout 60 "$@" 2>&1
+            rc=$?
+            ls -A
+            exit "$rc"' - out "$whitted" "${spacious[@]}" "${option% *}" "${option#* }")
+        rc=$?
+        no_space "${option% *}" "${option#* }"
+    done
+    finish "a full disk is a failure in one line without half a file"
+fi
+
+echo "1..$tests"
+[[ $failures -eq 0 ]]
