@@ -155,6 +155,21 @@ static void rays_see_what_was_drawn(void **state)
     scene_free(s);
 }
 
+/* The outside of a one-sided light stays the outside under a mirroring transform. */
+static void mirrored_lights_shine_outwards(void **state)
+{
+    (void)state;
+    const float mirror[12] = {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    scene *s = scene_new("mirrored");
+    scene_add_material(s, glow(v3(1, 1, 1), false));
+    place_mesh(s, scene_add_mesh(s, ceiling(1, 1, 2, 0)), mirror);
+    emitters *e = emitters_new(s);
+    emitter_sample x = emitters_sample(e, 0.5f, 0.5f, 0.5f);
+    assert_true(x.position.x < 0.0f && x.normal.y == -1.0f);
+    emitters_free(e);
+    scene_free(s);
+}
+
 static void dark_sides_do_not_emit(void **state)
 {
     (void)state;
@@ -208,9 +223,13 @@ static void no_emitters_is_null(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(areas_and_power),         cmocka_unit_test(irradiance_under_a_rectangle),
-        cmocka_unit_test(rays_see_what_was_drawn), cmocka_unit_test(dark_sides_do_not_emit),
-        cmocka_unit_test(no_emitters_is_null),     cmocka_unit_test(extreme_numbers_stay_in_range),
+        cmocka_unit_test(areas_and_power),
+        cmocka_unit_test(irradiance_under_a_rectangle),
+        cmocka_unit_test(rays_see_what_was_drawn),
+        cmocka_unit_test(dark_sides_do_not_emit),
+        cmocka_unit_test(mirrored_lights_shine_outwards),
+        cmocka_unit_test(no_emitters_is_null),
+        cmocka_unit_test(extreme_numbers_stay_in_range),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

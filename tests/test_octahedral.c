@@ -87,7 +87,7 @@ static void cells_inside(void **state)
     uint64_t seed = 2;
     for (int wanted = 1; wanted <= 12; wanted++) {
         float density = (float)(wanted * wanted / 12.566370614);
-        int step = quantize_step(c, 12.566370614359172 * (double)density);
+        int step = quantize_step(c, 12.566370614359172 * (double)density, c->direction_limit);
         size_t cells = (size_t)c->resolution[step] * c->resolution[step];
         uint64_t hashes[4096];
         for (int i = 0; i < 4096; i++) {
@@ -134,7 +134,7 @@ static void filled_cells(void **state)
     assert_non_null(hashes);
     for (int n = 16; n <= MOST; n *= 4) {
         float density = (float)(n / 12.566370614359172);
-        int step = quantize_step(c, 12.566370614359172 * (double)density);
+        int step = quantize_step(c, 12.566370614359172 * (double)density, c->direction_limit);
         double cells = (double)c->resolution[step] * c->resolution[step];
         /* rounding down to a whole R takes at most one from it */
         double ratio = (double)c->config.resolution_step;

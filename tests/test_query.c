@@ -101,7 +101,7 @@ static void refines_at_an_edge(void **state)
         vcache_worker *worker = make_worker(c, 8, false);
         vcache_light light;
         vcache_prepare_direction(c, (float[3]){0.0f, 0.0f, 1.0f}, 0, &light);
-        float side = (float)(c->diameter / c->resolution[quantize_step(c, 12.0 * 100.0 / 16.0)]);
+        float side = (float)(c->diameter / c->resolution[quantize_step(c, 12.0 * 100.0 / 16.0, c->step_limit)]);
         /* the middle of cell (0, 0): u = (0.5 - 0.4142) sides */
         float middle = 0.0857864376f * side;
         float step[2] = {(float)((direction == 0) - (direction == 2)) * side,

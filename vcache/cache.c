@@ -127,12 +127,16 @@ static void measure(vcache *c)
     c->step_limit = 0;
     while (c->step_limit + 1 < count && c->power[c->step_limit + 1] <= finest)
         c->step_limit++;
+    /* Components of a direction are good to 2^-24; the octahedral cells are 2 / R wide. */
+    c->direction_limit = 0;
+    while (c->direction_limit + 1 < count && c->power[c->direction_limit + 1] <= 0x1p21)
+        c->direction_limit++;
     c->step_limit = c->canonical[c->step_limit];
     power = 1.0;
     for (int e = 0, k = 0; e < 66; e++, power *= 2.0) {
         while (k < count - 1 && c->power[2 * k + 1] <= power)
             k++;
-        c->first_step[e] = (uint16_t)(k < c->step_limit ? k : c->step_limit);
+        c->first_step[e] = (uint16_t)k;
     }
 }
 

@@ -87,7 +87,7 @@ void vcache_prepare_eye(const vcache *c, const vcache_surface *surface, float ce
     uint32_t levels = (uint32_t)vcache_levels(c, ce);
     int last_step = -1;
     for (uint32_t d = 0; d < levels; d++, r2 *= 4.0) {
-        int step = quantize_step(c, r2);
+        int step = quantize_step(c, r2, c->step_limit);
         if (step == last_step)
             continue; /* the cells of the level before: coarsest or finest ones, or a large C_R */
         last_step = step;
@@ -170,7 +170,8 @@ void vcache_prepare_patch(const vcache *c, const vcache_surface *surface, vcache
     grid_point p;
     if (!(surface->density > 0.0f) || !quantize_point(c, surface->position, surface->normal, &p))
         return;
-    cell_size size = quantize_size(c, quantize_step(c, c->diameter * c->diameter * (double)surface->density));
+    double r2 = c->diameter * c->diameter * (double)surface->density;
+    cell_size size = quantize_size(c, quantize_step(c, r2, c->step_limit));
     uint32_t words[4];
     pack_cell(quantize_cell(c, &p, size, NULL), p.orientation, size.step, words);
     out->side_squared = size.side * size.side;
@@ -184,7 +185,7 @@ void vcache_prepare_solid_angle(const vcache *c, const float direction[3], float
     if (!is_direction(direction) || !(density > 0.0f))
         return;
     /* Eq. 9 with 4 pi in the numerator: n uniform samples give about n cells. */
-    int step = quantize_step(c, 12.566370614359172 * (double)density);
+    int step = quantize_step(c, 12.566370614359172 * (double)density, c->direction_limit);
     double s, t, r = c->resolution[step];
     quantize_octahedral(direction, &s, &t);
     uint32_t i = (uint32_t)(s * r), j = (uint32_t)(t * r), last = c->resolution[step] - 1;

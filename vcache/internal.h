@@ -22,7 +22,8 @@ struct vcache {
     double center[3];
     double diameter; /* 2 B_R */
     double inverse_diameter;
-    int step_limit;                        /* finest step: cells stay larger than the positions' rounding */
+    int step_limit;      /* finest step of positions: cells stay larger than their rounding */
+    int direction_limit; /* the same for directions */
     int steps;                             /* filled entries below */
     uint32_t resolution[VCACHE_MAX_STEPS]; /* R of step k: floor(C_R^k), Eq. 8 */
     uint16_t canonical[VCACHE_MAX_STEPS];  /* first step with the same R */
@@ -49,7 +50,7 @@ typedef struct cell {
 } cell;
 
 /* quantize.c */
-int quantize_step(const vcache *c, double squared_resolution);
+int quantize_step(const vcache *c, double squared_resolution, int limit);
 cell_size quantize_size(const vcache *c, int step);
 bool quantize_point(const vcache *c, const float position[3], const float normal[3], grid_point *out);
 /* The cell that holds the point; neighbours (NULL: not wanted) get the 4 around it in its tangent plane. */

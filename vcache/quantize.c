@@ -24,19 +24,19 @@ bool finite3(const float p[3])
     return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]);
 }
 
-/* The step k with C_R^(k - 1/2) <= R < C_R^(k + 1/2) (Eq. 8), 0 ... step_limit, from R^2. */
-int quantize_step(const vcache *c, double squared_resolution)
+/* The step k with C_R^(k - 1/2) <= R < C_R^(k + 1/2) (Eq. 8), 0 ... limit, from R^2. */
+int quantize_step(const vcache *c, double squared_resolution, int limit)
 {
     if (!(squared_resolution > 1.0))
         return 0;
     if (squared_resolution >= 0x1p64)
-        return c->step_limit;
+        return c->canonical[limit];
     uint64_t bits;
     memcpy(&bits, &squared_resolution, sizeof bits);
     int step = c->first_step[(bits >> 52) - 1023];
-    while (step < c->step_limit && squared_resolution >= c->power[2 * step + 1])
+    while (step < limit && squared_resolution >= c->power[2 * step + 1])
         step++;
-    return c->canonical[step < c->step_limit ? step : c->step_limit];
+    return c->canonical[step < limit ? step : limit];
 }
 
 cell_size quantize_size(const vcache *c, int step)
