@@ -542,8 +542,8 @@ else
     quiet_good cornell "${tiny[@]}" --env signal/x.exr
     finish "SIGINT ends rendering and what is done is written"
 
-    # tiles that take minutes
-    start cornell --size 64x64 --spp 64 --vpls 65536 --visibility exact --threads 1 -o out/x.exr --quiet
+    # one tile that takes minutes
+    start cornell --size 32x32 --spp 512 --vpls 8192 --visibility exact --threads 1 -o out/x.exr --quiet
     kill -INT "$child"
     sleep 0.2
     kill -0 "$child" 2>/dev/null && kill -INT "$child"

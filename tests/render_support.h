@@ -38,8 +38,8 @@ static inline void add_quad(scene *s, vec3 a, vec3 ab, vec3 ac, uint32_t materia
 static inline void add_box(scene *s, vec3 low, vec3 high, unsigned sides, uint32_t material_index)
 {
     vec3 e = v3_sub(high, low), x = v3(e.x, 0, 0), y = v3(0, e.y, 0), z = v3(0, 0, e.z);
-    const vec3 quads[6][3] = {{low, z, y},           {v3_add(low, x), y, z}, {low, x, z},
-                              {v3_add(low, y), z, x}, {low, y, x},           {v3_add(low, z), x, y}};
+    const vec3 quads[6][3] = {{low, z, y}, {v3_add(low, x), y, z}, {low, x, z}, {v3_add(low, y), z, x},
+                              {low, y, x}, {v3_add(low, z), x, y}};
     for (int i = 0; i < 6; i++)
         if (sides >> i & 1u)
             add_quad(s, quads[i][0], quads[i][1], quads[i][2], material_index);
@@ -76,8 +76,8 @@ static inline void add_sphere(scene *s, int rows, bool smooth, uint32_t material
 
 static inline void add_point_light(scene *s, vec3 position, float intensity)
 {
-    scene_add_light(s, (light){.kind = LIGHT_POINT, .position = position,
-                               .intensity = v3(intensity, intensity, intensity)});
+    scene_add_light(
+        s, (light){.kind = LIGHT_POINT, .position = position, .intensity = v3(intensity, intensity, intensity)});
 }
 
 /* -------------------------------------------------------------------------------------------------------- renders */
@@ -100,8 +100,14 @@ static inline stage stage_new(scene *s, camera c, uint32_t width, uint32_t heigh
     g.e = emitters_new(s);
     g.v = (view){.scene = s, .tracer = g.t, .emitters = g.e, .camera = c};
     settings *f = &g.v.settings;
-    *f = (settings){.width = width, .height = height, .spp = spp, .env_samples = 16, .light_samples = 16, .seed = 1,
-                    .threads = 1, .cache = vcache_default_config()};
+    *f = (settings){.width = width,
+                    .height = height,
+                    .spp = spp,
+                    .env_samples = 16,
+                    .light_samples = 16,
+                    .seed = 1,
+                    .threads = 1,
+                    .cache = vcache_default_config()};
     const float low[3] = {s->bounds_min.x, s->bounds_min.y, s->bounds_min.z};
     const float high[3] = {s->bounds_max.x, s->bounds_max.y, s->bounds_max.z};
     memcpy(f->cache.bounds_min, low, sizeof low);
@@ -190,7 +196,8 @@ static inline void assert_mean(const tally *t, double expected, double bias, con
 {
     double mean = tally_mean(t), error = tally_error(t);
     if (!(fabs(mean - expected) <= 4.0 * error + bias))
-        fail_msg("%s: mean %.6f, expected %.6f, standard error %.6f, bias allowed %.6f", what, mean, expected, error, bias);
+        fail_msg("%s: mean %.6f, expected %.6f, standard error %.6f, bias allowed %.6f", what, mean, expected, error,
+                 bias);
 }
 
 /* Irradiance at p with normal n from a polygon of radiance 1 above its horizon (Lambert 1760). */

@@ -73,7 +73,7 @@ static void one_ray_per_pair_of_cells(void **state)
         world *w = make_world(8.0f, 1, (uint64_t)1 << 26, VCACHE_HASH_SPLIT);
         vcache_worker *worker = make_worker(w->cache, capacities[k], false);
         tracer t = {0};
-        uint64_t (*visible)[WORDS] = calloc(EYES, sizeof *visible);
+        uint64_t(*visible)[WORDS] = calloc(EYES, sizeof *visible);
         assert_non_null(visible);
         for (size_t e = 0; e < EYES; e++)
             for (uint32_t l = 0; l < LIGHTS;)
@@ -139,7 +139,8 @@ static void bypasses(void **state)
     vcache_prepare_point(w->cache, (float[3]){0.9f, 0.9f, side * 0.99f}, 0, &light[0]);
     vcache_prepare_point(w->cache, (float[3]){0.9f, 0.9f, 0.0f}, 0, &light[1]); /* coincident */
     vcache_prepare_point(w->cache, (float[3]){0.9f, NAN, 0.0f}, 0, &light[2]);
-    vcache_surface patch = {.position = {0.9f, 0.9f, 0.5f}, .normal = {0.0f, 0.0f, -1.0f}, .density = 1.0f}; /* side 1 */
+    vcache_surface patch = {
+        .position = {0.9f, 0.9f, 0.5f}, .normal = {0.0f, 0.0f, -1.0f}, .density = 1.0f}; /* side 1 */
     vcache_prepare_patch(w->cache, &patch, &light[3]);
     for (int round = 1; round <= 3; round++) {
         uint64_t visible = 0;
@@ -310,7 +311,8 @@ static void salts(void **state)
     }
 }
 
-/* Nothing of before a clear is found after it, whichever family; prepared ends stay good; many clears do not collide. */
+/* Nothing of before a clear is found after it, whichever family; prepared ends stay good; many clears do not collide.
+ */
 static void clears(void **state)
 {
     (void)state;

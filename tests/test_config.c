@@ -289,7 +289,8 @@ static void use_a_little(uint64_t bytes)
             s.position[0] = (float)i / 100.0f;
             vcache_eye *eye = make_eye(cache, &s, 4.0f, 0);
             assert_true(vcache_visible(worker, eye, &light, all_visible, &traced));
-            slots[i] = pair_slot(cache, config.hash, pair_key(config.hash, cache->epoch_key, vcache_eye_cell(eye, 0), &light));
+            slots[i] =
+                pair_slot(cache, config.hash, pair_key(config.hash, cache->epoch_key, vcache_eye_cell(eye, 0), &light));
             assert_true(slots[i] < bytes / 4);
             free(eye);
         }
@@ -322,7 +323,8 @@ static void largest_table(void **state)
     use_a_little((uint64_t)1 << 34);
 }
 
-/* ------------------------------------------------------------------------------------------------------ odds and ends */
+/* ------------------------------------------------------------------------------------------------------ odds and ends
+ */
 
 static void share_filled(void **state)
 {
@@ -347,7 +349,8 @@ static void share_filled(void **state)
 static void version_and_texts(void **state)
 {
     (void)state;
-    assert_int_equal(vcache_version(), VCACHE_VERSION_MAJOR * 10000 + VCACHE_VERSION_MINOR * 100 + VCACHE_VERSION_PATCH);
+    assert_int_equal(vcache_version(),
+                     VCACHE_VERSION_MAJOR * 10000 + VCACHE_VERSION_MINOR * 100 + VCACHE_VERSION_PATCH);
     for (int i = -1; i <= 3; i++) {
         const char *text = vcache_status_text((vcache_status)i);
         assert_true(text && strlen(text) > 0);

@@ -371,12 +371,8 @@ static void digest_zero(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(avalanche),
-        cmocka_unit_test(fold_known_values),
-        cmocka_unit_test(collisions),
-        cmocka_unit_test(foreign_keys),
-        cmocka_unit_test(digests),
-        cmocka_unit_test(every_slot_alike),
+        cmocka_unit_test(avalanche),    cmocka_unit_test(fold_known_values), cmocka_unit_test(collisions),
+        cmocka_unit_test(foreign_keys), cmocka_unit_test(digests),           cmocka_unit_test(every_slot_alike),
         cmocka_unit_test(digest_zero),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -53,7 +53,8 @@ static void there_and_back(void **state)
 static void poles_and_seams(void **state)
 {
     (void)state;
-    static const float values[] = {0.0f, -0.0f, 1.0f, -1.0f, 1e-45f, -1e-45f, 1e-20f, -1e-20f, 3e38f, -3e38f, 0.70710678f};
+    static const float values[] = {0.0f,   -0.0f,   1.0f,  -1.0f,  1e-45f,     -1e-45f,
+                                   1e-20f, -1e-20f, 3e38f, -3e38f, 0.70710678f};
     enum { N = sizeof values / sizeof *values };
     vcache *c = unit_cache(0.0f);
     for (int i = 0; i < N * N * N; i++) {
@@ -76,6 +77,10 @@ static void poles_and_seams(void **state)
     assert_true(s == 1.0 && t == 0.5);
     quantize_octahedral((float[3]){0.0f, -1.0f, 0.0f}, &s, &t);
     assert_true(s == 0.5 && t == 0.0);
+    /* the square's far edges belong to the last cells, not to cells beyond */
+    assert_true(cell_of(c, (float[3]){1.0f, 0.0f, 0.0f}, 9.0f) == cell_of(c, (float[3]){1.0f, 0.0f, 1e-4f}, 9.0f));
+    assert_true(cell_of(c, (float[3]){0.0f, 1.0f, 0.0f}, 9.0f) == cell_of(c, (float[3]){0.0f, 1.0f, 1e-4f}, 9.0f));
+    assert_true(cell_of(c, (float[3]){0.0f, 0.0f, -1.0f}, 9.0f) == cell_of(c, (float[3]){1e-4f, 1e-4f, -1.0f}, 9.0f));
     vcache_destroy(&c);
 }
 
@@ -100,8 +105,8 @@ static void cells_inside(void **state)
     vcache_destroy(&c);
 }
 
-/* Cells that n uniform directions are expected to fill: 1 - (1 - p)^n each, p its share of the sphere. On the octahedron
- * |x| + |y| + |z| = 1 a piece dx dy subtends dx dy / |(x, y, z)|^3. */
+/* Cells that n uniform directions are expected to fill: 1 - (1 - p)^n each, p its share of the sphere. On the
+ * octahedron |x| + |y| + |z| = 1 a piece dx dy subtends dx dy / |(x, y, z)|^3. */
 static double expected_filled(double r, double n)
 {
     const int parts = r < 32.0 ? 16 : 2;
@@ -179,8 +184,8 @@ static void bad_directions(void **state)
 {
     (void)state;
     vcache *c = unit_cache(0.0f);
-    static const float bad[][3] = {{0.0f, 0.0f, 0.0f}, {-0.0f, 0.0f, -0.0f}, {NAN, 0.0f, 1.0f},
-                                   {0.0f, INFINITY, 0.0f}, {0.0f, 0.0f, -INFINITY}};
+    static const float bad[][3] = {
+        {0.0f, 0.0f, 0.0f}, {-0.0f, 0.0f, -0.0f}, {NAN, 0.0f, 1.0f}, {0.0f, INFINITY, 0.0f}, {0.0f, 0.0f, -INFINITY}};
     static const float bad_density[] = {0.0f, -0.0f, -1.0f, NAN, -INFINITY};
     vcache_light light;
     for (int i = 0; i < 5; i++) {
@@ -239,9 +244,12 @@ static void bit_by_bit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(there_and_back),   cmocka_unit_test(poles_and_seams),
-        cmocka_unit_test(cells_inside),     cmocka_unit_test(filled_cells),
-        cmocka_unit_test(far_scene_keeps_directions), cmocka_unit_test(bad_directions),
+        cmocka_unit_test(there_and_back),
+        cmocka_unit_test(poles_and_seams),
+        cmocka_unit_test(cells_inside),
+        cmocka_unit_test(filled_cells),
+        cmocka_unit_test(far_scene_keeps_directions),
+        cmocka_unit_test(bad_directions),
         cmocka_unit_test(bit_by_bit),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -23,7 +23,8 @@ static vcache *box_cache(float low, float high, int normal_bins)
 
 static uint64_t cell_hash(uint32_t orientation, cell q)
 {
-    return hash_words((uint64_t)(uint32_t)q.i << 32 | (uint32_t)q.j, (uint64_t)(uint32_t)q.layer << 32 | orientation, 1);
+    return hash_words((uint64_t)(uint32_t)q.i << 32 | (uint32_t)q.j, (uint64_t)(uint32_t)q.layer << 32 | orientation,
+                      1);
 }
 
 static uint64_t point_cell(const vcache *c, const float p[3], const float n[3], int step)
@@ -86,7 +87,8 @@ static void noisy_walls(void **state)
 {
     (void)state;
     /* on the bounds, at round places, and at some that are not */
-    static const float places[] = {0.0f, 1.0f, 0.5f, 0.25f, 0.1f, 0.2f, 0.3f, 0.75f, 0.9f, 0.01f, 0.125f, 0.333f, 0.6180f};
+    static const float places[] = {0.0f,  1.0f, 0.5f,  0.25f,  0.1f,   0.2f,   0.3f,
+                                   0.75f, 0.9f, 0.01f, 0.125f, 0.333f, 0.6180f};
     static const double sides[] = {0.3, 0.1, 0.06, 0.02, 0.005};
     static const float scales[] = {1.0f, 10.0f, 3.0f};
     uint64_t seed = 1;
@@ -100,8 +102,8 @@ static void noisy_walls(void **state)
                     size_t plain = wall_cells(c, face / 2, sign, at, side, false, &seed);
                     size_t noisy = wall_cells(c, face / 2, sign, at, side, true, &seed);
                     if (plain != noisy)
-                        fail_msg("C_N %d, wall %d at %g, cells of %g: %zu cells, with noise %zu", bins, face, (double)at,
-                                 side, plain, noisy);
+                        fail_msg("C_N %d, wall %d at %g, cells of %g: %zu cells, with noise %zu", bins, face,
+                                 (double)at, side, plain, noisy);
                 }
             vcache_destroy(&c);
         }
@@ -238,7 +240,8 @@ static void frames(void **state)
     }
 }
 
-/* ---------------------------------------------------------------------------------------------------- planes, tilted */
+/* ---------------------------------------------------------------------------------------------------- planes, tilted
+ */
 
 static void tilted_planes(void **state)
 {
@@ -467,8 +470,8 @@ static void extents(void **state)
 static void odd_scenes(void **state)
 {
     (void)state;
-    static const float boxes[][2] = {{0.0f, 0.0f},       {5.0f, 5.0f},     {-1e9f, -1e9f}, {1e6f, 1000001.0f}, {1e-45f, 1e-45f},
-                                     {-3.4e38f, 3.4e38f}, {3e38f, 3.4e38f}, {0.0f, 1e-38f}};
+    static const float boxes[][2] = {{0.0f, 0.0f},     {5.0f, 5.0f},        {-1e9f, -1e9f},   {1e6f, 1000001.0f},
+                                     {1e-45f, 1e-45f}, {-3.4e38f, 3.4e38f}, {3e38f, 3.4e38f}, {0.0f, 1e-38f}};
     static const float places[] = {0.0f, -0.0f, 1.0f, -1e6f, 1e-45f, 1e15f, -1e30f, 3.4e38f, -3.4e38f};
     for (int b = 0; b < 8; b++) {
         vcache *c = box_cache(boxes[b][0], boxes[b][1], 8);

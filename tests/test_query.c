@@ -106,7 +106,8 @@ static void refines_at_an_edge(void **state)
         float middle = 0.0857864376f * side;
         float step[2] = {(float)((direction == 0) - (direction == 2)) * side,
                          (float)((direction == 1) - (direction == 3)) * side};
-        vcache_surface a = {.position = {middle, middle, 0.0f}, .normal = {0.0f, 0.0f, 1.0f}, .density = 100.0f, .user = 1};
+        vcache_surface a = {
+            .position = {middle, middle, 0.0f}, .normal = {0.0f, 0.0f, 1.0f}, .density = 100.0f, .user = 1};
         vcache_surface b = a, far = a, corner = a;
         b.position[0] += step[0], b.position[1] += step[1], b.user = 0;
         far.position[0] -= 3.0f * step[0], far.position[1] -= 3.0f * step[1];
@@ -125,7 +126,8 @@ static void refines_at_an_edge(void **state)
         assert_true(vcache_visible(worker, ef, &light, scripted, &rays)); /* 3 cells away: stays at level 0 */
         assert_int_equal(rays, 3);
         assert_int_equal(statistics_of(worker).hits[0], 2);
-        assert_true(vcache_visible(worker, ea, &light, scripted, &rays)); /* A differs from B: level 1, unknown, traced */
+        assert_true(
+            vcache_visible(worker, ea, &light, scripted, &rays)); /* A differs from B: level 1, unknown, traced */
         assert_int_equal(rays, 4);
         assert_true(vcache_visible(worker, ea, &light, scripted, &rays)); /* level 1 known, and the last */
         assert_int_equal(rays, 4);
@@ -161,7 +163,8 @@ static void refinement_pays(void **state)
                 for (size_t e = 0; e < EYES - EYES / 100; e++) {
                     vcache_worker_reset_statistics(worker);
                     const float *x = w->surface[e].position, *y = w->light[l].position;
-                    bool visible = vcache_visible(worker, eye_at(w, e), &w->light[l], trace, &t), exact = sees(x, y, false);
+                    bool visible = vcache_visible(worker, eye_at(w, e), &w->light[l], trace, &t),
+                         exact = sees(x, y, false);
                     if (pass == 0)
                         continue;
                     wrong[refined] += visible != exact;

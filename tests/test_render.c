@@ -71,8 +71,8 @@ static void furnace_gloss(void **state)
     const struct {
         material_kind kind;
         float roughness;
-    } cases[] = {{MATERIAL_GLOSSY, 0.3f}, {MATERIAL_GLOSSY, 0.8f}, {MATERIAL_CONDUCTOR, 0.3f},
-                 {MATERIAL_CONDUCTOR, 1.0f}};
+    } cases[] = {
+        {MATERIAL_GLOSSY, 0.3f}, {MATERIAL_GLOSSY, 0.8f}, {MATERIAL_CONDUCTOR, 0.3f}, {MATERIAL_CONDUCTOR, 1.0f}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         scene *s = floor_scene(cases[i].kind, 1.0f);
         s->materials[0].roughness = cases[i].roughness;
@@ -94,8 +94,9 @@ static void furnace_gloss(void **state)
     }
 }
 
-/* A white mirror shows the sky undimmed, glass of index 1 as well. Of glass, branches below 0.005 are cut: in the middle
- * that is the third inner reflection, at the rim (reflectance r -> 1) all inner ones, of which (1 - r) r^k are left. */
+/* A white mirror shows the sky undimmed, glass of index 1 as well. Of glass, branches below 0.005 are cut: in the
+ * middle that is the third inner reflection, at the rim (reflectance r -> 1) all inner ones, of which (1 - r) r^k are
+ * left. */
 static void furnace_specular(void **state)
 {
     (void)state;
@@ -145,8 +146,12 @@ static void punctual(void **state)
     vec3 aim = v3_normalize(v3(0.3f, -1.0f, -0.1f));
     const light lights[3] = {
         {.kind = LIGHT_POINT, .position = v3(0.2f, 0.5f, -0.3f), .intensity = v3(1, 2, 3)},
-        {.kind = LIGHT_SPOT, .position = v3(0.0f, 0.6f, 0.0f), .direction = aim, .intensity = v3(2, 2, 2),
-         .cos_inner = 0.985f, .cos_outer = 0.95f},
+        {.kind = LIGHT_SPOT,
+         .position = v3(0.0f, 0.6f, 0.0f),
+         .direction = aim,
+         .intensity = v3(2, 2, 2),
+         .cos_inner = 0.985f,
+         .cos_outer = 0.95f},
         {.kind = LIGHT_DIRECTIONAL, .direction = v3_normalize(v3(1.0f, -2.0f, 0.5f)), .intensity = v3(4, 3, 2)}};
     for (int which = 1; which < 8; which++) {
         scene *s = floor_scene(MATERIAL_DIFFUSE, 0.6f);
@@ -162,7 +167,8 @@ static void punctual(void **state)
                 double expected = 0.0, spot = under(&lights[1], p), v = (double)exact.lit.pixels[33 * y + x].y;
                 light bare = lights[1];
                 bare.kind = LIGHT_POINT;
-                dark += spot == 0.0, full += spot >= 0.9999 * under(&bare, p), ramp += spot > 0.0 && spot < under(&bare, p);
+                dark += spot == 0.0, full += spot >= 0.9999 * under(&bare, p),
+                    ramp += spot > 0.0 && spot < under(&bare, p);
                 for (int i = 0; i < 3; i++)
                     expected += which >> i & 1 ? under(&lights[i], p) : 0.0;
                 /* the ramp is steep: 30 ulp of the cosine are 1e-4 of it */
@@ -303,7 +309,6 @@ static void check_picture(stage *g, double (*expected)(vec3 p), double bias, dou
             tally_picture(g, modes[m], true, expected, &cached);
         }
         g->v.settings.cache = fitting;
-        if (getenv("V")) printf("%s %g: %g +- %g (exact %g +- %g)\n", what, (double)modes[m], tally_mean(&cached), tally_error(&cached),tally_mean(&exact), tally_error(&exact));
         assert_true(tally_error(&cached) < 0.03);
         assert_mean(&cached, 1.0, cached_bias, what);
     }
@@ -397,7 +402,9 @@ static double map_irradiance(const environment *e)
     for (int i = 0; i < ROWS; i++)
         for (int j = 0; j < COLUMNS; j++) {
             float y = sqrtf(((float)i + 0.5f) / ROWS), phi = 2.0f * PI_F * ((float)j + 0.5f) / COLUMNS;
-            sum += (double)environment_radiance(e, v3(sqrtf(1.0f - y * y) * cosf(phi), y, sqrtf(1.0f - y * y) * sinf(phi))).y;
+            sum +=
+                (double)environment_radiance(e, v3(sqrtf(1.0f - y * y) * cosf(phi), y, sqrtf(1.0f - y * y) * sinf(phi)))
+                    .y;
         }
     return sum * 3.14159265358979 / ((double)ROWS * COLUMNS);
 }
@@ -429,9 +436,11 @@ static void bright_spot(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(furnace_diffuse), cmocka_unit_test(furnace_gloss),     cmocka_unit_test(furnace_specular),
-        cmocka_unit_test(punctual),        cmocka_unit_test(hard_shadow_exact), cmocka_unit_test(hard_shadow_cached),
-        cmocka_unit_test(area_light), cmocka_unit_test(area_light_half_blocked), cmocka_unit_test(half_environment), cmocka_unit_test(bright_spot),
+        cmocka_unit_test(furnace_diffuse),   cmocka_unit_test(furnace_gloss),
+        cmocka_unit_test(furnace_specular),  cmocka_unit_test(punctual),
+        cmocka_unit_test(hard_shadow_exact), cmocka_unit_test(hard_shadow_cached),
+        cmocka_unit_test(area_light),        cmocka_unit_test(area_light_half_blocked),
+        cmocka_unit_test(half_environment),  cmocka_unit_test(bright_spot),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

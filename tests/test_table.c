@@ -42,8 +42,10 @@ static void make_scene(scene *s, uint64_t words, vcache_hash family)
     assert_non_null(s->eyes);
     atomic_init(&s->done, false);
     for (int i = 0; i < EYES; i++) {
-        vcache_surface p = {.position = {(float)(i % 8) / 8.0f, (float)(i / 8) / 8.0f, 0.0f}, .user = (uint64_t)i,
-                            .normal = {0.0f, 0.0f, 1.0f}, .density = 16.0f * 1024.0f};
+        vcache_surface p = {.position = {(float)(i % 8) / 8.0f, (float)(i / 8) / 8.0f, 0.0f},
+                            .user = (uint64_t)i,
+                            .normal = {0.0f, 0.0f, 1.0f},
+                            .density = 16.0f * 1024.0f};
         vcache_prepare_eye(s->cache, &p, 4.0f, 0, (vcache_eye *)(void *)(s->eyes + (size_t)i * s->stride));
     }
     uint64_t seed = 5;
@@ -127,9 +129,10 @@ static void run(int threads, uint64_t words, vcache_hash family, int clearing)
     atomic_store_explicit(&s.done, true, memory_order_relaxed);
     for (int i = 0; i < clearing; i++)
         assert_int_equal(pthread_join(clearers[i], NULL), 0);
-    print_message("%d threads, %llu words, family %d, %d clearing: %llu asked, %.1f %% of them from the table, %llu wrong\n",
-                  threads, (unsigned long long)words, (int)family, clearing, (unsigned long long)asked,
-                  100.0 * (double)(asked - traced) / (double)asked, (unsigned long long)wrong);
+    print_message(
+        "%d threads, %llu words, family %d, %d clearing: %llu asked, %.1f %% of them from the table, %llu wrong\n",
+        threads, (unsigned long long)words, (int)family, clearing, (unsigned long long)asked,
+        100.0 * (double)(asked - traced) / (double)asked, (unsigned long long)wrong);
     assert_int_equal(wrong, 0);
     assert_true(asked > traced); /* something did come from the table */
     if (!clearing && words > 1000)

@@ -34,7 +34,8 @@ static void eq_6(void **state)
         for (int i = 0; i < 20000; i++) {
             vcache_surface e = random_vertex(&seed, -1.0, 1.0, random_between(&seed, -20.0, 30.0));
             vcache_surface l = random_vertex(&seed, -1.0, 1.0, random_between(&seed, -20.0, 30.0));
-            float ce = (float)exp(random_between(&seed, 0.0, 5.0)), paths = (float)exp(random_between(&seed, 0.0, 18.0));
+            float ce = (float)exp(random_between(&seed, 0.0, 5.0)),
+                  paths = (float)exp(random_between(&seed, 0.0, 18.0));
             vcache_vertex a, b;
             vcache_prepare_eye_vertex(c, &e, ce, paths, 0, &a);
             vcache_prepare_light_vertex(c, &l, &b);
@@ -73,7 +74,8 @@ static bool parity(void *context, const vcache_miss *misses, size_t count, vcach
 
 enum { PATHS = 40, LENGTH = 20 };
 
-/* All vertices of each eye path against those of a light path; rays. `unit`: metres times this are the scene's units. */
+/* All vertices of each eye path against those of a light path; rays. `unit`: metres times this are the scene's units.
+ */
 static size_t trace_paths(double unit, uint32_t capacity, vcache_statistics *s)
 {
     vcache *c = box_cache(0.0f, (float)unit, 1.2f);
@@ -163,7 +165,8 @@ static void any_density(void **state)
 {
     (void)state;
     static const float odd[] = {0.0f, -1.0f, NAN, INFINITY, -INFINITY};
-    static const float ces[] = {4.0f, 1e-30f, 1e30f, 0.0f, NAN, INFINITY}, paths[] = {1e6f, 1e-40f, 3e38f, 0.0f, NAN, INFINITY};
+    static const float ces[] = {4.0f, 1e-30f, 1e30f, 0.0f, NAN, INFINITY},
+                       paths[] = {1e6f, 1e-40f, 3e38f, 0.0f, NAN, INFINITY};
     vcache *c = box_cache(-1.0f, 1.0f, 1.2f);
     vcache_worker *worker = make_worker(c, 64, false);
     uint64_t seed = 4;

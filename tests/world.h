@@ -38,7 +38,8 @@ static inline bool trace(void *context, const vcache_miss *misses, size_t count,
     t->rays += count;
     t->largest = count > t->largest ? count : t->largest;
     for (size_t i = 0; i < count; i++)
-        answers[i] = (vcache_answer)(sees(misses[i].eye_position, misses[i].light_position, misses[i].infinite) | t->extra);
+        answers[i] =
+            (vcache_answer)(sees(misses[i].eye_position, misses[i].light_position, misses[i].infinite) | t->extra);
     return true;
 }
 

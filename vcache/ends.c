@@ -12,6 +12,7 @@
 
 /* Seeds keep eye cells, light cells of each kind and vertices of each side apart. */
 static const uint64_t seed_eye = 0x8bb84b93962eacc9u, seed_vertex = 0x4b33a62ed433d4a3u;
+static const uint64_t seed_line = 0x1d8e4e27c47d124fu;
 static const uint64_t seed_kind[4] = {0x2d358dccaa6c78a5u, 0x4d5a2da51de1aa47u, 0xc2b2ae3d27d4eb4fu,
                                       0x165667b19e3779f9u};
 
@@ -38,6 +39,18 @@ size_t vcache_light_size(void)
 vcache_light *vcache_light_at(vcache_light *lights, size_t index)
 {
     return lights + index;
+}
+
+void vcache_bundle_lights(const vcache *c, vcache_light *lights, size_t count)
+{
+    if (c->config.hash != VCACHE_HASH_SPLIT || c->table.count < TABLE_LINE)
+        return;
+    for (size_t i = 0; i < count; i++) {
+        /* the line is named after its first light: equal arrays in two frames or threads share it */
+        size_t first = i / TABLE_LINE * TABLE_LINE;
+        lights[i].key.line = hash_words(lights[first].key.hash, first, seed_line);
+        lights[i].lane = (uint8_t)(i % TABLE_LINE);
+    }
 }
 
 size_t vcache_vertex_size(void)
@@ -118,6 +131,7 @@ static void light_begin(vcache_light *out, enum end_kind kind, const float posit
     out->kind = (uint8_t)kind;
     out->side_squared = kind == END_DIRECTION || kind == END_SOLID_ANGLE ? -1.0f : 0.0f;
     out->bad = 1;
+    out->lane = LANE_NONE;
 }
 
 /* The kind and the key's words (at most 4) into the hash. */

@@ -49,6 +49,12 @@ typedef struct cell {
     int32_t i, j, layer;
 } cell;
 
+/* cache.c: writes the message, returns the status. */
+#if defined(__GNUC__)
+__attribute__((format(printf, 3, 4)))
+#endif
+vcache_status vcache_complain(char *message, vcache_status status, const char *format, ...);
+
 /* quantize.c */
 int quantize_step(const vcache *c, double squared_resolution, int limit);
 cell_size quantize_size(const vcache *c, int step);
@@ -61,16 +67,22 @@ bool finite3(const float p[3]);
 /* ends.c */
 enum end_kind { END_POINT = 0, END_DIRECTION = 1, END_PATCH = 2, END_SOLID_ANGLE = 3 };
 
+enum { LANE_NONE = 0xff };
+
 /* Two thirds of a cache line: the hot loop reads all but `user`. */
 struct vcache_light {
     union {
-        uint64_t hash;     /* of the split family */
+        struct {
+            uint64_t hash; /* of the split family */
+            uint64_t line; /* of the lights whose words share a line of the table */
+        };
         uint32_t words[4]; /* the key, for the families that run over its words; the kind goes first */
     } key;
     float position[3];
     float side_squared; /* of the cell, 0 without one; < 0: a direction */
     uint64_t user;
-    uint8_t kind, bad, word_count, unused;
+    uint8_t kind, bad, word_count;
+    uint8_t lane; /* in the line; LANE_NONE: the word lies anywhere */
 };
 
 typedef struct eye_level {
@@ -119,9 +131,16 @@ static inline uint64_t pair_key(vcache_hash family, uint64_t epoch_key, uint64_t
     return hash_finish(family, hash_recurrence(family, state, light->key.words, light->word_count));
 }
 
+/* Where the word of a key lies. */
 static inline uint64_t pair_slot(const vcache *c, vcache_hash family, uint64_t key)
 {
     return family == VCACHE_HASH_SPLIT ? table_slot(&c->table, key) : table_slot_modulo(&c->table, key);
+}
+
+/* First slot of the line that an eye half shares with the lights of `line`. */
+static inline uint64_t pair_line(const vcache *c, uint64_t epoch_key, uint64_t half, uint64_t line)
+{
+    return table_line(&c->table, hash_fold(half ^ epoch_key, line));
 }
 
 #endif

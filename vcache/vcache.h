@@ -158,6 +158,27 @@ VCACHE_API void vcache_prepare_patch(const vcache *cache, const vcache_surface *
 VCACHE_API void vcache_prepare_solid_angle(const vcache *cache, const float direction[3], float density, uint64_t user,
                                            vcache_light *out);
 
+/* Lights that are known in advance and asked together (virtual point lights, point lights, fixed environment samples):
+ * from now on the words of one eye cell against 16 lights in a row of this array share a cache line of the table, so that
+ * vcache_add over the array reads far less memory. Call once, after all of them are prepared; prepare an end again to
+ * undo it. Answers do not change but for which words collide. No effect on the paper's hash families, and in tables of
+ * fewer than 16 words. */
+VCACHE_API void vcache_bundle_lights(const vcache *cache, vcache_light *lights, size_t count);
+
+/* A set of lights that the host knows in advance: virtual point lights, point lights, fixed environment samples. What an
+ * eye cell sees of the whole set is one row of bits (known, visible), found by one look-up per cell and level, and 64
+ * lights are decided at a time by AND and XOR. Rows live in memory of their own, are replaced on collision, and hold the
+ * cell's whole 64-bit hash. Each light is its own light end: lights of one light cell do not share. Any number of threads
+ * may use a set; vcache_clear of its cache clears it. */
+typedef struct vcache_light_set vcache_light_set;
+#define VCACHE_MAX_SET 65536
+/* Copies the prepared ends. `bytes`: of rows; a row takes count / 4 + 16 bytes, rounded up to whole 64. */
+VCACHE_API vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights, uint32_t count,
+                                                 uint64_t bytes, vcache_light_set **out, char *message);
+/* As vcache_destroy; before its cache. */
+VCACHE_API void vcache_light_set_destroy(vcache_light_set **set);
+VCACHE_API uint64_t vcache_light_set_rows(const vcache_light_set *set);
+
 /* Ends of bidirectional path tracing (Eq. 6): on both sides cells of side (C_E^2 / (P_e P_l N_P))^(1/4), where P are
  * the densities of last vertices. A vertex remembers what it hashed, so it belongs to one thread while it is queried.
  */
@@ -192,7 +213,8 @@ typedef uint8_t vcache_answer;
 
 typedef struct vcache_worker_config {
     size_t size;       /* sizeof(vcache_worker_config) */
-    uint32_t capacity; /* 1 ... 2^24, default 65536: pairs that can wait for rays at a time */
+    uint32_t capacity; /* 1 ... 2^24, default 4096: pairs that can wait for rays at a time; their
+                          scratch (about 200 bytes a pair) should fit the second-level cache */
     bool exact;        /* every pair is a miss, nothing is looked up or stored: for comparison */
 } vcache_worker_config;
 
@@ -211,6 +233,10 @@ VCACHE_API void vcache_worker_destroy(vcache_worker **worker);
  * the index of the first light not taken because the batch is full: resolve it and go on from there. */
 VCACHE_API uint32_t vcache_add(vcache_worker *worker, const vcache_eye *eye, const vcache_light *lights, uint32_t first,
                                uint32_t count, const uint64_t *asked, uint64_t *visible);
+
+/* The same for lights [first, count) of a set, all of them or those asked for. */
+VCACHE_API uint32_t vcache_add_set(vcache_worker *worker, const vcache_eye *eye, vcache_light_set *set, uint32_t first,
+                                   const uint64_t *asked, uint64_t *visible);
 
 /* The same for one pair of vertices (Eq. 6, no refinement); false where the batch is full and the pair was not taken.
  */

@@ -5,6 +5,7 @@
  * there. So each cell costs one ray, whatever the order of tracing.
  */
 #include "internal.h"
+#include "light_set.h"
 
 #include <string.h>
 
@@ -45,12 +46,19 @@ typedef struct pair {
         const vcache_light *light;
         vcache_vertex *vertex;
     } to;
+    vcache_light_set *set; /* NULL: the answer lives in the table */
     uint64_t *visible;
     uint32_t bit;
     uint8_t level; /* of the cell that it waits for; NO_LEVEL: a bypass, not to be stored */
     bool vertices;
     bool alone; /* the cell's answers cannot be shared: trace without waiting for another pair's */
 } pair;
+
+/* A pair of cells: its key, and where its word lies. */
+typedef struct place {
+    uint64_t key;
+    uint64_t slot;
+} place;
 
 typedef struct claim {
     uint64_t key;
@@ -68,7 +76,7 @@ struct vcache_worker {
     /* `capacity` of each */
     vcache_miss *misses;
     pair *asking;   /* one per miss */
-    uint64_t *keys; /* one per miss */
+    place *places; /* one per miss */
     vcache_answer *answers;
     pair *waiting;
     uint64_t *waiting_keys;
@@ -78,11 +86,11 @@ struct vcache_worker {
 
 vcache_worker_config vcache_default_worker_config(void)
 {
-    return (vcache_worker_config){.size = sizeof(vcache_worker_config), .capacity = 65536, .exact = false};
+    return (vcache_worker_config){.size = sizeof(vcache_worker_config), .capacity = 4096, .exact = false};
 }
 
 /* All of a worker in one block. */
-static size_t place(size_t *offset, size_t count, size_t bytes)
+static size_t reserve(size_t *offset, size_t count, size_t bytes)
 {
     size_t at = (*offset + 63) & ~(size_t)63;
     *offset = at + count * bytes;
@@ -115,10 +123,10 @@ vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *co
     while (claims < 2 * (size_t)chosen.capacity)
         claims *= 2;
     size_t bytes = sizeof(vcache_worker), n = chosen.capacity;
-    size_t misses = place(&bytes, n, sizeof(vcache_miss)), asking = place(&bytes, n, sizeof(pair));
-    size_t keys = place(&bytes, n, sizeof(uint64_t)), answers = place(&bytes, n, sizeof(vcache_answer));
-    size_t waiting = place(&bytes, n, sizeof(pair)), waiting_keys = place(&bytes, n, sizeof(uint64_t));
-    size_t claim_at = place(&bytes, claims, sizeof(claim));
+    size_t misses = reserve(&bytes, n, sizeof(vcache_miss)), asking = reserve(&bytes, n, sizeof(pair));
+    size_t places = reserve(&bytes, n, sizeof(place)), answers = reserve(&bytes, n, sizeof(vcache_answer));
+    size_t waiting = reserve(&bytes, n, sizeof(pair)), waiting_keys = reserve(&bytes, n, sizeof(uint64_t));
+    size_t claim_at = reserve(&bytes, claims, sizeof(claim));
     const vcache_allocator *a = &cache->config.allocator;
     char *block = a->allocate(a->context, bytes);
     if (!block) {
@@ -134,7 +142,7 @@ vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *co
     w->round = 1;
     w->misses = (void *)(block + misses);
     w->asking = (void *)(block + asking);
-    w->keys = (void *)(block + keys);
+    w->places = (void *)(block + places);
     w->answers = (void *)(block + answers);
     w->waiting = (void *)(block + waiting);
     w->waiting_keys = (void *)(block + waiting_keys);
@@ -174,16 +182,27 @@ static inline bool bypasses(const vcache_eye *eye, const vcache_light *light)
 
 /* Where a walk ended. */
 typedef struct step {
-    uint64_t key; /* of the unknown cell */
+    place at; /* of the unknown cell */
     uint32_t level;
     bool known, visible;
 } step;
 
-static inline bool look_up(const vcache *c, vcache_hash family, uint64_t key, bool *visible)
+static inline place find_place(const vcache *c, vcache_hash family, uint64_t epoch_key, uint64_t half,
+                               const vcache_light *light)
 {
-    uint32_t word = table_load_relaxed(&c->table, pair_slot(c, family, key));
+    place p = {.key = pair_key(family, epoch_key, half, light)};
+    if (light->lane == LANE_NONE)
+        p.slot = pair_slot(c, family, p.key);
+    else
+        p.slot = pair_line(c, epoch_key, half, light->key.line) + light->lane;
+    return p;
+}
+
+static inline bool look_up(const vcache *c, place at, bool *visible)
+{
+    uint32_t word = table_load_relaxed(&c->table, at.slot);
     *visible = word & 1u;
-    return (word & ~1u) == table_word(key);
+    return (word & ~1u) == table_word(at.key);
 }
 
 /* Algorithm 2 from `level` on: down while one of the known neighbours differs. */
@@ -193,15 +212,40 @@ static inline step walk(const vcache *c, vcache_hash family, uint64_t epoch_key,
     step s = {.level = level};
     for (;; s.level++) {
         const eye_level *l = &eye->level[s.level];
-        s.key = pair_key(family, epoch_key, l->center, light);
-        s.known = look_up(c, family, s.key, &s.visible);
+        s.at = find_place(c, family, epoch_key, l->center, light);
+        s.known = look_up(c, s.at, &s.visible);
         if (!s.known || s.level + 1 == eye->levels)
             return s;
         bool differs = false;
         for (int i = 0; i < 4 && !differs; i++) {
             bool other;
-            if (look_up(c, family, pair_key(family, epoch_key, l->neighbour[i], light), &other))
+            if (look_up(c, find_place(c, family, epoch_key, l->neighbour[i], light), &other))
                 differs = other != s.visible;
+        }
+        if (!differs)
+            return s;
+    }
+}
+
+/* The same in the rows of a set. */
+static step walk_set(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye *eye, uint32_t light,
+                     uint32_t level)
+{
+    step s = {.level = level};
+    uint64_t bit = (uint64_t)1 << (light % 64), known, visible;
+    for (;; s.level++) {
+        const eye_level *l = &eye->level[s.level];
+        uint64_t row = row_key(epoch_key, l->center);
+        s.at = (place){hash_fold(row, hash_words(light, 0, row)), row};
+        s.known = row_read(set, row, light / 64, 1, &known, &visible) && known & bit;
+        s.visible = visible & bit;
+        if (!s.known || s.level + 1 == eye->levels)
+            return s;
+        bool differs = false;
+        for (int i = 0; i < 4 && !differs; i++) {
+            uint64_t k, v;
+            row_read(set, row_key(epoch_key, l->neighbour[i]), light / 64, 1, &k, &v);
+            differs = k & (v ^ visible) & bit;
         }
         if (!differs)
             return s;
@@ -214,14 +258,39 @@ static void count_hit(vcache_worker *w, uint32_t level)
     w->statistics.hit_levels |= 1u << level;
 }
 
-static void store(vcache_worker *w, uint64_t key, bool visible)
+static void store(vcache_worker *w, place at, bool visible)
 {
     vcache *c = w->cache;
-    uint64_t slot = pair_slot(c, c->config.hash, key);
-    uint32_t word = table_word(key), old = table_load_relaxed(&c->table, slot);
+    uint32_t word = table_word(at.key), old = table_load_relaxed(&c->table, at.slot);
     w->statistics.stored++;
     w->statistics.overwritten += old != 0 && (old & ~1u) != word;
-    table_store_relaxed(&c->table, slot, word | (uint32_t)visible);
+    table_store_relaxed(&c->table, at.slot, word | (uint32_t)visible);
+}
+
+/* Misses in a row of the batch mostly belong to one row of the set, which is opened once for all of them. */
+static void store_run(vcache_worker *w, uint32_t first, uint32_t end, const vcache_answer *answers)
+{
+    vcache_light_set *set = w->asking[first].set;
+    bool replaced = false;
+    _Atomic uint64_t *row = row_open(set, w->places[first].slot, &replaced);
+    if (!row)
+        return;
+    w->statistics.overwritten += replaced;
+    for (uint32_t i = first; i < end; i++)
+        if (!(answers[i] & VCACHE_ONCE)) {
+            row_set(set, row, w->asking[i].bit, answers[i] & VCACHE_VISIBLE);
+            w->statistics.stored++;
+        }
+    row_close(row);
+}
+
+static uint32_t run_end(const vcache_worker *w, uint32_t first)
+{
+    uint32_t i = first + 1;
+    while (i < w->miss_count && w->asking[i].set == w->asking[first].set && w->asking[i].level != NO_LEVEL &&
+           w->places[i].slot == w->places[first].slot)
+        i++;
+    return i;
 }
 
 static void describe(vcache_miss *m, uint64_t eye_user, const float eye[3], uint64_t light_user, const float light[3],
@@ -264,11 +333,11 @@ static bool is_full(const vcache_worker *w)
     return w->miss_count + w->waiting_count >= w->config.capacity;
 }
 
-static void add_miss(vcache_worker *w, const pair *p, uint64_t key)
+static void add_miss(vcache_worker *w, const pair *p, place at)
 {
     uint32_t i = w->miss_count++;
     w->asking[i] = *p;
-    w->keys[i] = key;
+    w->places[i] = at;
     if (p->vertices)
         describe(&w->misses[i], p->from.vertex->user, p->from.vertex->position, p->to.vertex->user,
                  p->to.vertex->position, false);
@@ -280,36 +349,37 @@ static void add_miss(vcache_worker *w, const pair *p, uint64_t key)
 }
 
 /* Unknown: the first to ask traces, the rest wait. */
-static void ask(vcache_worker *w, const pair *p, uint64_t key)
+static void ask(vcache_worker *w, const pair *p, place at)
 {
-    claim *c = find_claim(w, key);
+    claim *c = find_claim(w, at.key);
     if (c->round != w->round || p->alone) {
-        *c = (claim){key, w->round, false};
-        add_miss(w, p, key);
+        *c = (claim){at.key, w->round, false};
+        add_miss(w, p, at);
     } else {
         w->waiting[w->waiting_count] = *p;
-        w->waiting_keys[w->waiting_count++] = key;
+        w->waiting_keys[w->waiting_count++] = at.key;
     }
 }
 
 static inline void enter(vcache_worker *w, vcache_hash family, pair *p, uint64_t epoch_key)
 {
-    step s = walk(w->cache, family, epoch_key, p->from.eye, p->to.light, p->level);
+    step s = p->set ? walk_set(p->set, epoch_key, p->from.eye, p->bit, p->level)
+                    : walk(w->cache, family, epoch_key, p->from.eye, p->to.light, p->level);
     if (s.known) {
         count_hit(w, s.level);
         answer(p->visible, p->bit, s.visible);
         return;
     }
     p->level = (uint8_t)s.level;
-    ask(w, p, s.key);
+    ask(w, p, s.at);
 }
 
-static inline void prefetch(const vcache *c, vcache_hash family, uint64_t key)
+static inline void prefetch(const vcache *c, uint64_t slot)
 {
 #if defined(__GNUC__)
-    __builtin_prefetch((const void *)&c->table.words[pair_slot(c, family, key)]);
+    __builtin_prefetch((const void *)&c->table.words[slot]);
 #else
-    (void)c, (void)family, (void)key;
+    (void)c, (void)slot;
 #endif
 }
 
@@ -319,9 +389,13 @@ static inline void add_block(vcache_worker *w, vcache_hash family, uint64_t epoc
                              const vcache_light *lights, uint32_t base, uint64_t asked, uint64_t *visible)
 {
     const vcache *c = w->cache;
+    const eye_level *l = &eye->level[0];
+    const uint64_t half[5] = {l->center, l->neighbour[0], l->neighbour[1], l->neighbour[2], l->neighbour[3]};
+    const int cells = eye->levels > 1 ? 5 : 1; /* without refinement the neighbours do not matter */
     pair p = {.from.eye = eye, .visible = visible};
-    uint64_t keys[64], around[64][4], yes = 0, no = 0;
-    uint8_t index[64];
+    place at[64][5];
+    uint64_t yes = 0, no = 0, line = 0, start[5] = {0};
+    uint8_t index[64], last_lane = LANE_NONE;
     uint32_t count = 0;
     for (; asked; asked &= asked - 1) {
         uint32_t i = (uint32_t)count_trailing_zeros(asked);
@@ -329,40 +403,70 @@ static inline void add_block(vcache_worker *w, vcache_hash family, uint64_t epoc
         p.bit = base + i;
         if (w->config.exact || bypasses(eye, p.to.light)) {
             p.level = NO_LEVEL;
-            add_miss(w, &p, 0);
+            add_miss(w, &p, (place){0});
             continue;
         }
-        index[count] = (uint8_t)i;
-        keys[count] = pair_key(family, epoch_key, eye->level[0].center, p.to.light);
-        prefetch(c, family, keys[count++]);
+        uint8_t lane = p.to.light->lane;
+        if (lane == LANE_NONE) {
+            for (int k = 0; k < cells; k++) {
+                at[count][k] = find_place(c, family, epoch_key, half[k], p.to.light);
+                prefetch(c, at[count][k].slot);
+            }
+        } else {
+            if (last_lane == LANE_NONE || line != p.to.light->key.line) {
+                line = p.to.light->key.line;
+                for (int k = 0; k < cells; k++) {
+                    start[k] = pair_line(c, epoch_key, half[k], line);
+                    prefetch(c, start[k]);
+                }
+            }
+            for (int k = 0; k < cells; k++)
+                at[count][k] = (place){pair_key(family, epoch_key, half[k], p.to.light), start[k] + lane};
+        }
+        last_lane = lane;
+        index[count++] = (uint8_t)i;
     }
-    bool deep = eye->levels > 1;
-    for (uint32_t k = 0; k < count && deep; k++)
-        for (int i = 0; i < 4; i++) {
-            around[k][i] = pair_key(family, epoch_key, eye->level[0].neighbour[i], &lights[base + index[k]]);
-            prefetch(c, family, around[k][i]);
-        }
-    for (uint32_t k = 0; k < count; k++) {
+    for (uint32_t n = 0; n < count; n++) {
         bool value, other, differs = false;
-        p.to.light = &lights[base + index[k]];
-        p.bit = base + index[k];
-        p.level = 0;
-        if (!look_up(c, family, keys[k], &value)) {
-            ask(w, &p, keys[k]);
+        if (!look_up(c, at[n][0], &value)) {
+            p.to.light = &lights[base + index[n]];
+            p.bit = base + index[n];
+            p.level = 0;
+            ask(w, &p, at[n][0]);
             continue;
         }
-        for (int i = 0; i < 4 && deep; i++)
-            differs |= look_up(c, family, around[k][i], &other) & (other != value);
+        for (int k = 1; k < cells; k++) {
+            bool found = look_up(c, at[n][k], &other); /* before `other` is read */
+            differs |= found & (other != value);
+        }
         if (differs) {
+            p.to.light = &lights[base + index[n]];
+            p.bit = base + index[n];
             p.level = 1;
             enter(w, family, &p, epoch_key);
             continue;
         }
-        *(value ? &yes : &no) |= (uint64_t)1 << index[k];
+        *(value ? &yes : &no) |= (uint64_t)1 << index[n];
     }
     w->statistics.hits[0] += count_ones(yes | no);
     w->statistics.hit_levels |= (yes | no) != 0;
     visible[base / 64] = (visible[base / 64] | yes) & ~no;
+}
+
+/* The lights of a word that the batch has room for, in order. `*next` becomes the first light not taken. */
+static uint64_t take(uint64_t word, uint32_t *room, uint32_t base, uint32_t end, uint32_t *next)
+{
+    uint32_t wanted = count_ones(word);
+    *next = base + end;
+    if (wanted <= *room) {
+        *room -= wanted;
+        return word;
+    }
+    uint64_t rest = word;
+    for (; *room; --*room)
+        rest &= rest - 1;
+    *next = base + (uint32_t)count_trailing_zeros(rest);
+    return word & ~rest;
 }
 
 static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
@@ -375,20 +479,13 @@ static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vc
         uint64_t word = asked ? asked[base / 64] : ~(uint64_t)0;
         word &= ~(uint64_t)0 << (first - base);
         word &= ~(uint64_t)0 >> (64 - end);
-        first = base + end;
-        uint32_t room = w->config.capacity - w->miss_count - w->waiting_count, wanted = count_ones(word);
-        if (wanted > room) {
-            uint64_t rest = word;
-            for (; room; room--)
-                rest &= rest - 1;
-            first = base + (uint32_t)count_trailing_zeros(rest);
-            word &= ~rest;
-            count = first;
-            wanted = count_ones(word);
-        }
-        w->statistics.asked += wanted;
+        uint32_t room = w->config.capacity - w->miss_count - w->waiting_count;
+        word = take(word, &room, base, end, &first);
+        w->statistics.asked += count_ones(word);
         if (word)
             add_block(w, family, epoch_key, eye, lights, base, word, visible);
+        if (first < base + end)
+            break;
     }
     return first;
 }
@@ -408,9 +505,116 @@ uint32_t vcache_add(vcache_worker *w, const vcache_eye *eye, const vcache_light 
     return add_family(w, VCACHE_HASH_LCG_XORSHIFT, eye, lights, first, count, asked, visible);
 }
 
-/* Key of a pair of vertices; false where it must be answered exactly. Vertices hash by the split family always: their
+/* Lights of one word of the set that are nearer to the eye end than a cell, or cannot be quantized. */
+static uint64_t near_lights(const vcache_eye *eye, const vcache_light_set *set, uint32_t word)
+{
+    const float *x = set->x + 64 * word, *y = set->y + 64 * word, *z = set->z + 64 * word;
+    const float *side = set->side_squared + 64 * word, ex = eye->position[0], ey = eye->position[1];
+    const float ez = eye->position[2], es = eye->side_squared;
+    uint8_t near[64];
+    for (int i = 0; i < 64; i++) {
+        float dx = x[i] - ex, dy = y[i] - ey, dz = z[i] - ez, distance = dx * dx + dy * dy + dz * dz;
+        float least = side[i] > es || side[i] < 0.0f ? side[i] : es;
+        near[i] = !(distance >= least);
+    }
+    uint64_t bits = 0;
+    for (int i = 0; i < 64; i += 8) {
+        /* eight 0/1 bytes to eight bits */
+        uint64_t eight = 0;
+        memcpy(&eight, near + i, 8);
+        bits |= (eight * 0x0102040810204080u >> 56) << i;
+    }
+    return bits;
+}
+
+static void ask_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint32_t base, uint64_t bits,
+                    uint32_t level, uint64_t row, uint64_t *visible)
+{
+    pair p = {.from.eye = eye, .set = set, .visible = visible, .level = (uint8_t)level};
+    for (; bits; bits &= bits - 1) {
+        p.bit = base + (uint32_t)count_trailing_zeros(bits);
+        p.to.light = &set->lights[p.bit];
+        if (level == NO_LEVEL)
+            add_miss(w, &p, (place){0});
+        else
+            ask(w, &p, (place){hash_fold(row, hash_words(p.bit, 0, row)), row});
+    }
+}
+
+/* Words of one pass: rows are copied to the stack in pieces of this size. */
+enum { PIECE = 16 };
+
+/* Algorithm 2 for up to PIECE words of lights at a time. `rest`: who is still on the way. */
+static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint64_t epoch_key, uint32_t first,
+                     uint32_t count, uint64_t rest[PIECE], uint64_t *visible)
+{
+    for (uint32_t d = 0; d < eye->levels; d++) {
+        const eye_level *l = &eye->level[d];
+        const uint64_t half[5] = {l->center, l->neighbour[0], l->neighbour[1], l->neighbour[2], l->neighbour[3]};
+        uint64_t known[5][PIECE], seen[5][PIECE], any = 0, keys[5];
+        int cells = d + 1 < eye->levels ? 5 : 1;
+        for (int k = 0; k < cells; k++) {
+            keys[k] = row_key(epoch_key, half[k]);
+            row_prefetch(set, keys[k]);
+        }
+        for (int k = 0; k < cells; k++)
+            row_read(set, keys[k], first, count, known[k], seen[k]);
+        uint64_t hits = 0;
+        for (uint32_t i = 0; i < count; i++) {
+            uint64_t missing = rest[i] & ~known[0][i], differs = 0;
+            for (int k = 1; k < cells; k++)
+                differs |= known[k][i] & (seen[k][i] ^ seen[0][i]);
+            uint64_t found = rest[i] & known[0][i] & ~differs;
+            hits += count_ones(found);
+            visible[first + i] = (visible[first + i] & ~found) | (found & seen[0][i]);
+            rest[i] &= known[0][i] & differs;
+            any |= rest[i];
+            if (missing)
+                ask_set(w, set, eye, 64 * (first + i), missing, d, keys[0], visible);
+        }
+        w->statistics.hits[d] += hits;
+        w->statistics.hit_levels |= (uint32_t)(hits != 0) << d;
+        if (!any)
+            return;
+    }
+}
+
+uint32_t vcache_add_set(vcache_worker *w, const vcache_eye *eye, vcache_light_set *set, uint32_t first,
+                        const uint64_t *asked, uint64_t *visible)
+{
+    uint64_t epoch_key = atomic_load_explicit(&w->cache->epoch_key, memory_order_acquire);
+    while (first < set->count) {
+        uint32_t start = first / 64, words = 0, room = w->config.capacity - w->miss_count - w->waiting_count;
+        uint64_t rest[PIECE];
+        bool full = false;
+        for (; words < PIECE && start + words < set->words && !full; words++) {
+            uint32_t base = 64 * (start + words), end = set->count - base < 64 ? set->count - base : 64;
+            uint64_t word = asked ? asked[start + words] : ~(uint64_t)0;
+            word &= ~(uint64_t)0 >> (64 - end);
+            if (first > base)
+                word &= ~(uint64_t)0 << (first - base);
+            rest[words] = take(word, &room, base, end, &first);
+            full = first < base + end;
+            w->statistics.asked += count_ones(rest[words]);
+        }
+        for (uint32_t i = 0; i < words; i++) {
+            if (!rest[i])
+                continue;
+            uint64_t exact = w->config.exact || eye->levels == 0 ? rest[i] : rest[i] & near_lights(eye, set, start + i);
+            if (exact)
+                ask_set(w, set, eye, 64 * (start + i), exact, NO_LEVEL, 0, visible);
+            rest[i] &= ~exact;
+        }
+        add_rows(w, set, eye, epoch_key, start, words, rest, visible);
+        if (full)
+            break;
+    }
+    return first;
+}
+
+/* Place of a pair of vertices; false where it must be answered exactly. Vertices hash by the split family always: their
  * cells depend on both ends, so there is no prefix for the serial families to start from. */
-static bool vertices_key(const vcache *c, uint64_t epoch_key, vcache_vertex *eye, vcache_vertex *light, uint64_t *key)
+static bool vertices_place(const vcache *c, uint64_t epoch_key, vcache_vertex *eye, vcache_vertex *light, place *out)
 {
     int at = vertex_step(c, eye, light);
     if (at < 0)
@@ -418,22 +622,24 @@ static bool vertices_key(const vcache *c, uint64_t epoch_key, vcache_vertex *eye
     float side = quantize_size(c, at).side;
     if (!(distance_squared(eye->position, light->position) >= side * side))
         return false;
-    *key = hash_fold(vertex_hash(c, eye, at) ^ epoch_key, vertex_hash(c, light, at));
+    out->key = hash_fold(vertex_hash(c, eye, at) ^ epoch_key, vertex_hash(c, light, at));
+    out->slot = pair_slot(c, VCACHE_HASH_SPLIT, out->key);
     return true;
 }
 
 static void enter_vertices(vcache_worker *w, pair *p)
 {
-    uint64_t key = 0, epoch_key = atomic_load_explicit(&w->cache->epoch_key, memory_order_acquire);
+    place at = {0};
+    uint64_t epoch_key = atomic_load_explicit(&w->cache->epoch_key, memory_order_acquire);
     bool value;
-    if (w->config.exact || !vertices_key(w->cache, epoch_key, p->from.vertex, p->to.vertex, &key)) {
+    if (w->config.exact || !vertices_place(w->cache, epoch_key, p->from.vertex, p->to.vertex, &at)) {
         p->level = NO_LEVEL;
-        add_miss(w, p, 0);
-    } else if (look_up(w->cache, w->cache->config.hash, key, &value)) {
+        add_miss(w, p, (place){0});
+    } else if (look_up(w->cache, at, &value)) {
         count_hit(w, 0);
         answer(p->visible, p->bit, value);
     } else {
-        ask(w, p, key);
+        ask(w, p, at);
     }
 }
 
@@ -471,9 +677,18 @@ void vcache_commit(vcache_worker *w, const vcache_answer *answers)
         if (answers[i] & VCACHE_ONCE) {
             w->statistics.once++;
             if (p->level != NO_LEVEL)
-                find_claim(w, w->keys[i])->once = once = true;
-        } else if (p->level != NO_LEVEL)
-            store(w, w->keys[i], answers[i] & VCACHE_VISIBLE);
+                find_claim(w, w->places[i].key)->once = once = true;
+        } else if (p->level != NO_LEVEL && !p->set)
+            store(w, w->places[i], answers[i] & VCACHE_VISIBLE);
+    }
+    for (uint32_t i = 0; i < w->miss_count;) {
+        if (!w->asking[i].set || w->asking[i].level == NO_LEVEL) {
+            i++;
+            continue;
+        }
+        uint32_t end = run_end(w, i);
+        store_run(w, i, end, answers);
+        i = end;
     }
     if (once)
         for (uint32_t i = 0; i < w->waiting_count; i++)
@@ -543,7 +758,7 @@ bool vcache_visible(vcache_worker *w, const vcache_eye *eye, const vcache_light 
     if (result & VCACHE_ONCE)
         w->statistics.once++;
     else if (!bypass)
-        store(w, s.key, result & VCACHE_VISIBLE);
+        store(w, s.at, result & VCACHE_VISIBLE);
     return result & VCACHE_VISIBLE;
 }
 

@@ -15,7 +15,7 @@ typedef struct station {
     eye_samples samples;
     chunk chunk;
     visibility *visibility;
-    vcache *cache; /* owned unless shared */
+    caches caches; /* unless shared */
     tile_pixels pixels;
     uint32_t *order; /* of eye samples */
     size_t order_capacity;
@@ -27,8 +27,7 @@ typedef struct station {
 typedef struct job {
     const view *v;
     const vpl_set *vpls;
-    light_ends *ends;
-    vcache *shared;
+    caches shared;
     station *stations;
     tile *tiles;
     size_t tile_count;
@@ -150,7 +149,8 @@ static void prepare_station(job *j, station *s)
 {
     tracer_thread_init();
     chunk_new(&s->chunk, j->v, j->vpls);
-    s->visibility = visibility_new(j->v, j->vpls, j->shared ? j->shared : s->cache, j->ends);
+    const caches *c = j->v->settings.shared ? &j->shared : &s->caches;
+    s->visibility = visibility_new(j->v, j->vpls, j->v->settings.visibility == VISIBILITY_EXACT ? NULL : c);
     s->ready = true;
 }
 
@@ -187,17 +187,13 @@ static void render_tile(void *context, int thread, size_t index)
 
 static bool make_caches(job *j, int threads, message *err)
 {
-    const settings *f = &j->v->settings;
-    char text[VCACHE_MESSAGE_BYTES];
-    vcache *first = NULL;
-    for (int i = 0; i < (f->shared ? 1 : threads); i++) {
-        vcache **out = f->shared ? &j->shared : &j->stations[i].cache;
-        if (vcache_create(&f->cache, out, text) != VCACHE_OK)
-            return fail(err, "visibility cache: %s", text);
-        first = first ? first : *out;
-        j->out->cache_bytes += 4 * vcache_table_words(*out);
+    bool shared = j->v->settings.shared;
+    for (int i = 0; i < (shared ? 1 : threads); i++) {
+        caches *c = shared ? &j->shared : &j->stations[i].caches;
+        if (!caches_new(j->v, j->vpls, c, err))
+            return false;
+        j->out->cache_bytes += c->bytes;
     }
-    j->ends = light_ends_new(j->v, j->vpls, first);
     return true;
 }
 
@@ -260,10 +256,9 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         }
         free(s->samples.items);
         free(s->order);
-        vcache_destroy(&s->cache);
+        caches_free(&s->caches);
     }
-    vcache_destroy(&j.shared);
-    light_ends_free(j.ends);
+    caches_free(&j.shared);
     free(j.stations);
     free(j.tiles);
     vpls_free(&vpls);

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 static const char *const visibility_names[] = {"exact", "cache", NULL};
+static const char *const store_names[] = {"rows", "words", NULL};
 static const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
 
 typedef struct arguments {
@@ -20,7 +21,7 @@ typedef struct arguments {
     option_size size;
     option_list outputs;
     float look[7];
-    int camera, visibility, hash, cache_mb, runs;
+    int camera, visibility, store, hash, cache_mb, runs;
     bool compare, half, tiles, quiet, shared;
     settings settings;
 } arguments;
@@ -76,6 +77,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "cache-mb", .kind = OPTION_INT, .value = &a->cache_mb, .min = 1, .max = 16384,
          .help = "size of each cache in MiB"},
         {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, .help = "one cache for all threads"},
+        {.name = "store", .kind = OPTION_CHOICE, .value = &a->store, .choices = store_names,
+         .help = "answers as rows of light bits or as 32-bit words"},
         {.name = "hash", .kind = OPTION_CHOICE, .value = &a->hash, .choices = hash_names, .help = "hash family"},
         {.name = "compare", .kind = OPTION_FLAG, .value = &a->compare,
          .help = "render exactly as well and print times and errors"},
@@ -106,6 +109,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->height = a->size.height;
     s->visibility = (visibility_mode)a->visibility;
     s->shared = a->shared;
+    s->words = a->store == 1;
     /* Hard shadows show every cell that is larger than a pixel; at one sample per pixel there is nothing to share. */
     if (s->ce_delta < 0.0f)
         s->ce_delta = s->spp > 1 ? sqrtf((float)s->spp) : 0.0f;

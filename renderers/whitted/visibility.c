@@ -7,18 +7,13 @@
 /* Shadow rays to a point end a little before it; both ends stand off their surfaces already. */
 static const float ray_end = 1.0f - 0x1p-16f;
 
-struct light_ends {
-    vcache_light *virtual, *punctual;
-};
-
 struct visibility {
     const view *view;
     const vpl_set *vpls;
-    const light_ends *ends;
+    const caches *caches; /* NULL: exact */
     ray_counts counts;
     ray_packet packet;
     /* cached */
-    vcache *cache;
     vcache_worker *worker;
     vcache_light *sampled; /* [CHUNK][samples] */
     char *eyes; /* [CHUNK][3] */
@@ -129,37 +124,80 @@ static void vec3_store(float out[3], vec3 v)
     out[0] = v.x, out[1] = v.y, out[2] = v.z;
 }
 
-light_ends *light_ends_new(const view *v, const vpl_set *vpls, const vcache *cache)
+static vcache_light *virtual_ends(const vpl_set *vpls, const vcache *cache)
 {
-    light_ends *e = xcalloc(1, sizeof *e);
-    size_t size = vcache_light_size();
-    e->virtual = xmalloc((vpls->count + 1) * size);
-    e->punctual = xmalloc((v->scene->light_count + 1) * size);
+    vcache_light *ends = xmalloc((vpls->count + 1) * vcache_light_size());
     for (uint32_t i = 0; i < vpls->count; i++) {
         vcache_surface s = {.position = {vpls->x[i], vpls->y[i], vpls->z[i]},
                             .normal = {vpls->nx[i], vpls->ny[i], vpls->nz[i]},
-                            .density = vpls->density[i], .user = i};
-        vcache_prepare_patch(cache, &s, vcache_light_at(e->virtual, i));
+                            .density = vpls->density[i],
+                            .user = i};
+        vcache_prepare_patch(cache, &s, vcache_light_at(ends, i));
     }
-    for (uint32_t i = 0; i < v->scene->light_count; i++) {
-        const light *l = &v->scene->lights[i];
+    return ends;
+}
+
+static vcache_light *punctual_ends(const scene *s, const vcache *cache)
+{
+    vcache_light *ends = xmalloc((s->light_count + 1) * vcache_light_size());
+    for (uint32_t i = 0; i < s->light_count; i++) {
+        const light *l = &s->lights[i];
         float at[3];
         vec3_store(at, l->kind == LIGHT_DIRECTIONAL ? v3_neg(l->direction) : l->position);
         if (l->kind == LIGHT_DIRECTIONAL)
-            vcache_prepare_direction(cache, at, i, vcache_light_at(e->punctual, i));
+            vcache_prepare_direction(cache, at, i, vcache_light_at(ends, i));
         else
-            vcache_prepare_point(cache, at, i, vcache_light_at(e->punctual, i));
+            vcache_prepare_point(cache, at, i, vcache_light_at(ends, i));
     }
-    return e;
+    return ends;
 }
 
-void light_ends_free(light_ends *e)
+/* Rows for one kind of lights, or its words of the table in bundles. */
+static vcache_status set_new(vcache *table, bool words, vcache_light *ends, uint32_t count, uint64_t bytes,
+                             vcache_light_set **out, char *text)
 {
-    if (!e)
-        return;
-    free(e->virtual);
-    free(e->punctual);
-    free(e);
+    if (words || count == 0) {
+        vcache_bundle_lights(table, ends, count);
+        return VCACHE_OK;
+    }
+    return vcache_light_set_create(table, ends, count, bytes, out, text);
+}
+
+bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err)
+{
+    const settings *f = &v->settings;
+    /* The budget goes to who needs it: most to the virtual point lights, the table only where it is asked. */
+    bool punctual = f->ce_delta > 0.0f && v->scene->light_count > 0, sampled = f->ce_samples > 0.0f;
+    uint64_t budget = f->cache.table_bytes, part = f->words ? 0 : budget / 8;
+    vcache_config config = f->cache;
+    if (!f->words)
+        config.table_bytes = sampled ? part * 2 : 4;
+    char text[VCACHE_MESSAGE_BYTES];
+    memset(out, 0, sizeof *out);
+    vcache_status status = vcache_create(&config, &out->table, text);
+    if (status == VCACHE_OK) {
+        out->virtual_ends = virtual_ends(vpls, out->table);
+        out->punctual_ends = punctual_ends(v->scene, out->table);
+        uint64_t rest = budget - (sampled ? part * 2 : 0) - (punctual ? part : 0);
+        status = set_new(out->table, f->words, out->virtual_ends, vpls->count, rest, &out->virtual_set, text);
+        if (status == VCACHE_OK && punctual)
+            status = set_new(out->table, f->words, out->punctual_ends, v->scene->light_count, part,
+                             &out->punctual_set, text);
+    }
+    if (status != VCACHE_OK)
+        return fail(err, "visibility cache: %s", text);
+    out->bytes = budget;
+    return true;
+}
+
+void caches_free(caches *c)
+{
+    vcache_light_set_destroy(&c->virtual_set);
+    vcache_light_set_destroy(&c->punctual_set);
+    vcache_destroy(&c->table);
+    free(c->virtual_ends);
+    free(c->punctual_ends);
+    memset(c, 0, sizeof *c);
 }
 
 /* Rays of misses, as they come: they are in order of eye samples and then of lights, so a packet mostly leaves from one
@@ -188,12 +226,14 @@ static bool trace_misses(void *context, const vcache_miss *misses, size_t count,
     return true;
 }
 
-static void add_all(visibility *o, const vcache_eye *eye, const vcache_light *lights, const pair_bits *b, uint32_t e)
+static void add_all(visibility *o, const vcache_eye *eye, const vcache_light *lights, vcache_light_set *set,
+                    const pair_bits *b, uint32_t e)
 {
     const uint64_t *asked = b->asked + (size_t)e * b->words;
     uint64_t *visible = b->visible + (size_t)e * b->words;
     for (uint32_t i = 0; i < b->lights;) {
-        i = vcache_add(o->worker, eye, lights, i, b->lights, asked, visible);
+        i = set ? vcache_add_set(o->worker, eye, set, i, asked, visible)
+                : vcache_add(o->worker, eye, lights, i, b->lights, asked, visible);
         if (i < b->lights)
             vcache_resolve(o->worker, trace_misses, o);
     }
@@ -208,9 +248,9 @@ static void prepare_sampled(visibility *o, const chunk *c, uint32_t e, vcache_li
         vec3_store(end.position, s->target);
         vec3_store(end.normal, c->sampled_normal[(size_t)e * n + i]);
         if (s->infinite)
-            vcache_prepare_solid_angle(o->cache, end.position, end.density, i, vcache_light_at(out, i));
+            vcache_prepare_solid_angle(o->caches->table, end.position, end.density, i, vcache_light_at(out, i));
         else
-            vcache_prepare_patch(o->cache, &end, vcache_light_at(out, i));
+            vcache_prepare_patch(o->caches->table, &end, vcache_light_at(out, i));
     }
 }
 
@@ -240,23 +280,23 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
         vec3_store(end.position, s->surface.position);
         vec3_store(end.normal, s->surface.geometric_normal);
         vcache_eye *eye = eye_at(o, e, 0);
-        vcache_prepare_eye(o->cache, &end, f->ce, 0, eye);
+        vcache_prepare_eye(o->caches->table, &end, f->ce, 0, eye);
         if (!pixels->cell[s->pixel])
             pixels->cell[s->pixel] = vcache_eye_cell(eye, 0);
-        add_all(o, eye, o->ends->virtual, &c->bits[LIGHTS_VIRTUAL], e);
+        add_all(o, eye, o->caches->virtual_ends, o->caches->virtual_set, &c->bits[LIGHTS_VIRTUAL], e);
         if (c->bits[LIGHTS_SAMPLED].lights && f->ce_samples > 0.0f) {
             if (f->ce_samples != f->ce) {
                 eye = eye_at(o, e, 1);
-                vcache_prepare_eye(o->cache, &end, f->ce_samples, 0, eye);
+                vcache_prepare_eye(o->caches->table, &end, f->ce_samples, 0, eye);
             }
             vcache_light *lights = vcache_light_at(o->sampled, (size_t)e * c->bits[LIGHTS_SAMPLED].lights);
             prepare_sampled(o, c, e, lights);
-            add_all(o, eye, lights, &c->bits[LIGHTS_SAMPLED], e);
+            add_all(o, eye, lights, NULL, &c->bits[LIGHTS_SAMPLED], e);
         }
         if (c->bits[LIGHTS_PUNCTUAL].lights && f->ce_delta > 0.0f) {
             eye = eye_at(o, e, 2);
-            vcache_prepare_eye(o->cache, &end, f->ce_delta, 0, eye);
-            add_all(o, eye, o->ends->punctual, &c->bits[LIGHTS_PUNCTUAL], e);
+            vcache_prepare_eye(o->caches->table, &end, f->ce_delta, 0, eye);
+            add_all(o, eye, o->caches->punctual_ends, o->caches->punctual_set, &c->bits[LIGHTS_PUNCTUAL], e);
         }
     }
     vcache_resolve(o->worker, trace_misses, o);
@@ -272,7 +312,7 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
 
 /* -------------------------------------------------------------------------------------------------------- both */
 
-visibility *visibility_new(const view *v, const vpl_set *vpls, vcache *cache, const light_ends *ends)
+visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *used)
 {
     visibility *o = NULL;
     if (posix_memalign((void **)&o, 64, sizeof *o))
@@ -280,14 +320,13 @@ visibility *visibility_new(const view *v, const vpl_set *vpls, vcache *cache, co
     memset(o, 0, sizeof *o);
     o->view = v;
     o->vpls = vpls;
-    o->ends = ends;
-    o->cache = cache;
+    o->caches = used;
     packet_init(&o->packet);
-    if (!cache)
+    if (!used)
         return o;
     o->eyes = xmalloc((size_t)3 * CHUNK * VCACHE_EYE_BYTES);
     o->sampled = xmalloc(((size_t)CHUNK * direct_sample_count(v) + 1) * vcache_light_size());
-    if (vcache_worker_create(cache, NULL, &o->worker, NULL) != VCACHE_OK)
+    if (vcache_worker_create(used->table, NULL, &o->worker, NULL) != VCACHE_OK)
         o->worker = xmalloc(SIZE_MAX);
     return o;
 }
@@ -305,7 +344,7 @@ void visibility_free(visibility *o)
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels)
 {
     o->counts.asked += count_asked(c, pixels);
-    if (o->cache)
+    if (o->caches)
         resolve_cached(o, c, pixels);
     else
         resolve_exact(o, c, pixels);

@@ -34,6 +34,7 @@ typedef struct settings {
     float ce_delta;   /* of point, spot and directional lights; 0: these are traced */
     float ce_samples; /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
+    bool words;          /* all answers in the table of 32-bit words instead of rows of light bits */
     bool shared;         /* one cache for all threads instead of one each */
 } settings;
 
@@ -154,12 +155,19 @@ typedef struct ray_counts {
 /* One thread's means of deciding visibility. */
 typedef struct visibility visibility;
 
-typedef struct light_ends light_ends; /* prepared ends of the lights that all eye samples share */
-light_ends *light_ends_new(const view *v, const vpl_set *vpls, const vcache *cache);
-void light_ends_free(light_ends *e);
+/* The caches of one thread, or of all. */
+typedef struct caches {
+    vcache *table;                         /* light samples; with settings.words all lights */
+    vcache_light *virtual_ends, *punctual_ends;
+    vcache_light_set *virtual_set, *punctual_set; /* NULL where the table serves */
+    uint64_t bytes;
+} caches;
 
-/* `cache` and `ends` are NULL for exact visibility. */
-visibility *visibility_new(const view *v, const vpl_set *vpls, vcache *cache, const light_ends *ends);
+bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err);
+void caches_free(caches *c);
+
+/* `used` is NULL for exact visibility. */
+visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *used);
 void visibility_free(visibility *o);
 /* Sets the visible bits of the chunk. */
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);

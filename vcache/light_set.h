@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Rows of light bits: what one eye cell sees of a set of lights lies side by side.
+ *
+ *     version | key | known, 1 bit a light | visible, 1 bit a light      (64-bit words)
+ *
+ * What races: a row may be read while another thread writes or replaces it. The version is odd while it is written;
+ * a reader copies the row and takes it only where the version was even before and the same after (a sequence lock), so
+ * it never sees bits of one cell under the key of another. A writer that finds the row taken gives up: the bit is
+ * lost and will be traced again. Nobody waits. Words are written with release and read with acquire so that whoever
+ * sees a new word sees the odd version as well.
+ */
+#ifndef VCACHE_LIGHT_SET_H
+#define VCACHE_LIGHT_SET_H
+
+#include "internal.h"
+
+enum { ROW_VERSION, ROW_KEY, ROW_BITS };
+
+struct vcache_light_set {
+    vcache *cache;
+    size_t bytes;
+    uint32_t count, words; /* lights; 64-bit words of a row of bits */
+    uint64_t rows;
+    size_t stride;           /* words from row to row, whole cache lines */
+    _Atomic uint64_t *memory;
+    vcache_light *lights;
+    float *x, *y, *z, *side_squared; /* of the lights, for bypasses; padded to whole words */
+};
+
+static inline uint64_t row_key(uint64_t epoch_key, uint64_t half)
+{
+    uint64_t key = hash_fold(half ^ epoch_key, 0x9fb21c651e98df25u);
+    return key ? key : 1; /* 0: empty */
+}
+
+static inline _Atomic uint64_t *row_of(const vcache_light_set *s, uint64_t key)
+{
+    return s->memory + ((key >> 32) * s->rows >> 32) * s->stride;
+}
+
+static inline void row_prefetch(const vcache_light_set *s, uint64_t key)
+{
+#if defined(__GNUC__)
+    const char *row = (const char *)row_of(s, key);
+    for (size_t i = 0; i < s->stride * sizeof(uint64_t); i += 64)
+        __builtin_prefetch(row + i);
+#else
+    (void)s, (void)key;
+#endif
+}
+
+/* Copies `count` words of known and visible bits from word `first` on; false, and nothing known, where the row is
+ * another's or being written. */
+static inline bool row_read(const vcache_light_set *s, uint64_t key, uint32_t first, uint32_t count, uint64_t *known,
+                            uint64_t *visible)
+{
+    _Atomic uint64_t *row = row_of(s, key);
+    uint64_t version = atomic_load_explicit(&row[ROW_VERSION], memory_order_acquire);
+    bool whole = !(version & 1) && atomic_load_explicit(&row[ROW_KEY], memory_order_acquire) == key;
+    if (whole) {
+        for (uint32_t w = 0; w < count; w++) {
+            known[w] = atomic_load_explicit(&row[ROW_BITS + first + w], memory_order_acquire);
+            visible[w] = atomic_load_explicit(&row[ROW_BITS + s->words + first + w], memory_order_acquire);
+        }
+        whole = atomic_load_explicit(&row[ROW_VERSION], memory_order_relaxed) == version;
+    }
+    if (!whole)
+        for (uint32_t w = 0; w < count; w++)
+            known[w] = visible[w] = 0;
+    return whole;
+}
+
+/* Opens the row for writing, replacing another cell's; NULL where another thread has it. */
+static inline _Atomic uint64_t *row_open(const vcache_light_set *s, uint64_t key, bool *replaced)
+{
+    _Atomic uint64_t *row = row_of(s, key);
+    uint64_t version = atomic_load_explicit(&row[ROW_VERSION], memory_order_relaxed);
+    if (version & 1 || !atomic_compare_exchange_strong_explicit(&row[ROW_VERSION], &version, version + 1,
+                                                                memory_order_acquire, memory_order_relaxed))
+        return NULL;
+    uint64_t old = atomic_load_explicit(&row[ROW_KEY], memory_order_relaxed);
+    *replaced = old != key && old != 0;
+    if (old != key) {
+        atomic_store_explicit(&row[ROW_KEY], key, memory_order_release);
+        for (uint32_t w = 0; w < 2 * s->words; w++)
+            atomic_store_explicit(&row[ROW_BITS + w], 0, memory_order_release);
+    }
+    return row;
+}
+
+static inline void row_set(const vcache_light_set *s, _Atomic uint64_t *row, uint32_t light, bool visible)
+{
+    _Atomic uint64_t *known = &row[ROW_BITS + light / 64], *seen = known + s->words;
+    uint64_t bit = (uint64_t)1 << (light % 64), old = atomic_load_explicit(seen, memory_order_relaxed);
+    atomic_store_explicit(seen, visible ? old | bit : old & ~bit, memory_order_release);
+    old = atomic_load_explicit(known, memory_order_relaxed);
+    atomic_store_explicit(known, old | bit, memory_order_release);
+}
+
+static inline void row_close(_Atomic uint64_t *row)
+{
+    uint64_t version = atomic_load_explicit(&row[ROW_VERSION], memory_order_relaxed);
+    atomic_store_explicit(&row[ROW_VERSION], version + 1, memory_order_release);
+}
+
+#endif
