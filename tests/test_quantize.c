@@ -478,9 +478,12 @@ static void odd_scenes(void **state)
         assert_true(c->diameter > 0.0 && isfinite(c->inverse_diameter));
         for (int i = 0; i < 9 * 9; i++) {
             float p[3] = {places[i % 9], places[i / 9], boxes[b][0]};
+            bool near = true; /* within 32 diameters of the centre */
+            for (int a = 0; a < 3; a++)
+                near = near && fabs((p[a] - c->center[a]) / c->diameter) < 32.0;
             for (float density = 1e-30f; density <= 1e38f; density *= 1e17f)
-                assert_true(eye_key(c, p, density) != 0);
-            assert_true(eye_key(c, p, INFINITY) != 0);
+                assert_true((eye_key(c, p, density) != 0) == near);
+            assert_true((eye_key(c, p, INFINITY) != 0) == near);
             p[i % 3] = NAN;
             assert_true(eye_key(c, p, 1.0f) == 0);
         }
@@ -491,7 +494,7 @@ static void odd_scenes(void **state)
     }
     /* outside the bounds there are cells as inside */
     vcache *c = box_cache(0.0f, 1.0f, 8);
-    for (float x = 1.0f; x < 100.0f; x += 1.0f)
+    for (float x = 1.0f; x < 50.0f; x += 1.0f)
         assert_true(eye_key(c, (float[3]){x, 0.0f, 0.0f}, 1e4f) != eye_key(c, (float[3]){x + 1.0f, 0.0f, 0.0f}, 1e4f));
     vcache_destroy(&c);
 }
@@ -565,7 +568,7 @@ static void keys_are_the_same_everywhere(void **state)
         vcache_destroy(&c);
     }
     print_message("checksum of keys: 0x%016llx\n", (unsigned long long)sum);
-    assert_true(sum == 0x66587d82d6da0d3bu);
+    assert_true(sum == 0xb0e04d5e67048178u);
 }
 
 int main(void)

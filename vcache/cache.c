@@ -29,8 +29,8 @@ vcache_status vcache_complain(char *message, vcache_status status, const char *f
     return status;
 }
 
-/* Fresh pages stay untouched until they are written. Look-ups go all over the table, so where the system has large pages
- * on request (Linux), ask for them: a miss of the address translation costs as much as one of the cache. */
+/* Fresh pages stay untouched until they are written. Look-ups go all over the table, so where the system has large
+ * pages on request (Linux), ask for them: a miss of the address translation costs as much as one of the cache. */
 #define LARGE_PAGE ((size_t)2 << 20)
 
 static void *default_allocate(void *context, size_t bytes)
@@ -80,24 +80,24 @@ static vcache_status check(const vcache_config *f, char *message)
     const vcache_status bad = VCACHE_ERROR_ARGUMENT;
     if (f->size != sizeof *f)
         return vcache_complain(message, bad, "config.size is %zu, not %zu: start from vcache_default_config()", f->size,
-                        sizeof *f);
+                               sizeof *f);
     for (int i = 0; i < 3; i++)
         if (!isfinite(f->bounds_min[i]) || !isfinite(f->bounds_max[i]) || !(f->bounds_min[i] <= f->bounds_max[i]))
             return vcache_complain(message, bad, "bounds[%d] are [%g, %g]: they must be finite, min <= max", i,
-                            (double)f->bounds_min[i], (double)f->bounds_max[i]);
+                                   (double)f->bounds_min[i], (double)f->bounds_max[i]);
     if (f->normal_bins < 1 || f->normal_bins > 64)
         return vcache_complain(message, bad, "normal_bins (C_N) is %d: it must be 1 ... 64", f->normal_bins);
     if (f->layers < 1 || f->layers > 64)
         return vcache_complain(message, bad, "layers (C_Z) is %d: it must be 1 ... 64", f->layers);
     if (!(f->resolution_step >= 1.05f && f->resolution_step <= 16.0f))
         return vcache_complain(message, bad, "resolution_step (C_R) is %g: it must be 1.05 ... 16",
-                        (double)f->resolution_step);
+                               (double)f->resolution_step);
     if (f->levels < 0 || f->levels > VCACHE_MAX_LEVELS)
         return vcache_complain(message, bad, "levels (C_MSR) is %d: it must be 0 (log2 C_E) ... %d", f->levels,
-                        VCACHE_MAX_LEVELS);
+                               VCACHE_MAX_LEVELS);
     if (f->table_bytes < 4 || f->table_bytes > (uint64_t)1 << 34 || f->table_bytes > SIZE_MAX)
         return vcache_complain(message, bad, "table_bytes is %llu: it must be 4 ... 16 GiB",
-                        (unsigned long long)f->table_bytes);
+                               (unsigned long long)f->table_bytes);
     if ((int)f->hash < VCACHE_HASH_SPLIT || f->hash > VCACHE_HASH_LCG_XORSHIFT)
         return vcache_complain(message, bad, "hash is %d: no such family", (int)f->hash);
     if (!f->allocator.allocate || !f->allocator.release)
@@ -176,7 +176,7 @@ vcache_status vcache_create(const vcache_config *config, vcache **out, char *mes
     if (!c->table.words) {
         a->release(a->context, c, sizeof *c);
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a table of %llu bytes",
-                        (unsigned long long)config->table_bytes);
+                               (unsigned long long)config->table_bytes);
     }
     atomic_init(&c->epoch, 0);
     atomic_init(&c->epoch_key, 0);

@@ -212,8 +212,9 @@ void vcache_prepare_solid_angle(const vcache *c, const float direction[3], float
 /* R^4 = (D^2 P_e N_P / C_E^2) (D^2 P_l): each side brings its factor, as a whole number of steps of C_R^(1/4). */
 static int32_t quarter_steps(const vcache *c, double factor)
 {
-    if (!(factor > 0.0) || isinf(factor))
+    if (!(factor > 0.0))
         return INT32_MIN;
+    factor = factor < 0x1p900 ? factor : 0x1p900; /* infinity: the smallest cells */
     bool below = factor < 1.0;
     double f = below ? 1.0 / factor : factor;
     int top = 2 * c->steps - 1, steps = 0;
@@ -249,7 +250,8 @@ static void prepare_vertex(const vcache *c, const vcache_surface *surface, doubl
 void vcache_prepare_eye_vertex(const vcache *c, const vcache_surface *surface, float ce, float paths, uint64_t salt,
                                vcache_vertex *out)
 {
-    prepare_vertex(c, surface, (double)paths / ((double)ce * ce), 0, salt, out);
+    bool good = ce > 0.0f && isfinite(ce) && paths > 0.0f && isfinite(paths);
+    prepare_vertex(c, surface, good ? (double)paths / ((double)ce * ce) : 0.0, 0, salt, out);
 }
 
 void vcache_prepare_light_vertex(const vcache *c, const vcache_surface *surface, vcache_vertex *out)

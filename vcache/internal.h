@@ -22,8 +22,8 @@ struct vcache {
     double center[3];
     double diameter; /* 2 B_R */
     double inverse_diameter;
-    int step_limit;      /* finest step of positions: cells stay larger than their rounding */
-    int direction_limit; /* the same for directions */
+    int step_limit;                        /* finest step of positions: cells stay larger than their rounding */
+    int direction_limit;                   /* the same for directions */
     int steps;                             /* filled entries below */
     uint32_t resolution[VCACHE_MAX_STEPS]; /* R of step k: floor(C_R^k), Eq. 8 */
     uint16_t canonical[VCACHE_MAX_STEPS];  /* first step with the same R */
@@ -53,7 +53,8 @@ typedef struct cell {
 #if defined(__GNUC__)
 __attribute__((format(printf, 3, 4)))
 #endif
-vcache_status vcache_complain(char *message, vcache_status status, const char *format, ...);
+vcache_status
+vcache_complain(char *message, vcache_status status, const char *format, ...);
 
 /* quantize.c */
 int quantize_step(const vcache *c, double squared_resolution, int limit);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Creation of light sets; rows are read and written by the inline functions of light_set.h. */
+/* Light sets: creation, and Algorithm 2 on rows of bits (light_set.h). */
 #include "light_set.h"
+#include "worker.h"
 
 #include <math.h>
 #include <string.h>
@@ -72,4 +73,153 @@ void vcache_light_set_destroy(vcache_light_set **set)
 uint64_t vcache_light_set_rows(const vcache_light_set *s)
 {
     return s->rows;
+}
+
+/* -------------------------------------------------------------------------------------------------------- queries */
+
+step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye *eye, uint32_t light, uint32_t level)
+{
+    step s = {.level = level};
+    uint64_t bit = (uint64_t)1 << (light % 64), known, visible;
+    for (;; s.level++) {
+        const eye_level *l = &eye->level[s.level];
+        uint64_t row = row_key(epoch_key, l->center);
+        s.at = (place){hash_fold(row, hash_words(light, 0, row)), row};
+        s.known = row_read(set, row, light / 64, 1, &known, &visible) && known & bit;
+        s.visible = visible & bit;
+        if (!s.known || s.level + 1 == eye->levels)
+            return s;
+        bool differs = false;
+        for (int i = 0; i < 4 && !differs; i++) {
+            uint64_t k, v;
+            row_read(set, row_key(epoch_key, l->neighbour[i]), light / 64, 1, &k, &v);
+            differs = k & (v ^ visible) & bit;
+        }
+        if (!differs)
+            return s;
+    }
+}
+
+/* Misses in a row of the batch mostly belong to one row of the set, which is opened once for all of them. */
+void set_write(vcache_worker *w, uint32_t first, uint32_t end, const vcache_answer *answers)
+{
+    vcache_light_set *set = w->asking[first].set;
+    bool replaced = false;
+    _Atomic uint64_t *row = row_open(set, w->places[first].slot, &replaced);
+    if (!row)
+        return;
+    w->statistics.overwritten += replaced;
+    for (uint32_t i = first; i < end; i++)
+        if (!(answers[i] & VCACHE_ONCE)) {
+            row_set(set, row, w->asking[i].bit, answers[i] & VCACHE_VISIBLE);
+            w->statistics.stored++;
+        }
+    row_close(row);
+}
+
+/* Lights of one word of the set that are nearer to the eye end than a cell, or cannot be quantized. */
+static uint64_t near_lights(const vcache_eye *eye, const vcache_light_set *set, uint32_t word)
+{
+    const float *x = set->x + 64 * word, *y = set->y + 64 * word, *z = set->z + 64 * word;
+    const float *side = set->side_squared + 64 * word, ex = eye->position[0], ey = eye->position[1];
+    const float ez = eye->position[2], es = eye->side_squared;
+    uint8_t near[64];
+    for (int i = 0; i < 64; i++) {
+        float dx = x[i] - ex, dy = y[i] - ey, dz = z[i] - ez, distance = dx * dx + dy * dy + dz * dz;
+        float least = side[i] > es || side[i] < 0.0f ? side[i] : es;
+        near[i] = !(distance >= least);
+    }
+    uint64_t bits = 0;
+    for (int i = 0; i < 64; i += 8) {
+        /* eight 0/1 bytes to eight bits */
+        uint64_t eight = 0;
+        memcpy(&eight, near + i, 8);
+        bits |= (eight * 0x0102040810204080u >> 56) << i;
+    }
+    return bits;
+}
+
+static void ask_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint32_t base, uint64_t bits,
+                    uint32_t level, uint64_t row, uint64_t *visible)
+{
+    pair p = {.from.eye = eye, .set = set, .visible = visible, .level = (uint8_t)level};
+    for (; bits; bits &= bits - 1) {
+        p.bit = base + (uint32_t)count_trailing_zeros(bits);
+        p.to.light = &set->lights[p.bit];
+        if (level == NO_LEVEL)
+            worker_add_miss(w, &p, (place){0});
+        else
+            worker_ask(w, &p, (place){hash_fold(row, hash_words(p.bit, 0, row)), row});
+    }
+}
+
+/* Words of one pass: rows are copied to the stack in pieces of this size. */
+enum { PIECE = 16 };
+
+/* Algorithm 2 for up to PIECE words of lights at a time. `rest`: who is still on the way. */
+static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint64_t epoch_key, uint32_t first,
+                     uint32_t count, uint64_t rest[PIECE], uint64_t *visible)
+{
+    for (uint32_t d = 0; d < eye->levels; d++) {
+        const eye_level *l = &eye->level[d];
+        const uint64_t half[5] = {l->center, l->neighbour[0], l->neighbour[1], l->neighbour[2], l->neighbour[3]};
+        uint64_t known[5][PIECE], seen[5][PIECE], any = 0, keys[5];
+        int cells = d + 1 < eye->levels ? 5 : 1;
+        for (int k = 0; k < cells; k++) {
+            keys[k] = row_key(epoch_key, half[k]);
+            row_prefetch(set, keys[k]);
+        }
+        for (int k = 0; k < cells; k++)
+            row_read(set, keys[k], first, count, known[k], seen[k]);
+        uint64_t hits = 0;
+        for (uint32_t i = 0; i < count; i++) {
+            uint64_t missing = rest[i] & ~known[0][i], differs = 0;
+            for (int k = 1; k < cells; k++)
+                differs |= known[k][i] & (seen[k][i] ^ seen[0][i]);
+            uint64_t found = rest[i] & known[0][i] & ~differs;
+            hits += count_ones(found);
+            visible[first + i] = (visible[first + i] & ~found) | (found & seen[0][i]);
+            rest[i] &= known[0][i] & differs;
+            any |= rest[i];
+            if (missing)
+                ask_set(w, set, eye, 64 * (first + i), missing, d, keys[0], visible);
+        }
+        w->statistics.hits[d] += hits;
+        w->statistics.hit_levels |= (uint32_t)(hits != 0) << d;
+        if (!any)
+            return;
+    }
+}
+
+uint32_t vcache_add_set(vcache_worker *w, const vcache_eye *eye, vcache_light_set *set, uint32_t first,
+                        const uint64_t *asked, uint64_t *visible)
+{
+    uint64_t epoch_key = worker_epoch(w);
+    while (first < set->count) {
+        uint32_t start = first / 64, words = 0, room = worker_room(w);
+        uint64_t rest[PIECE];
+        bool full = false;
+        for (; words < PIECE && start + words < set->words && !full; words++) {
+            uint32_t base = 64 * (start + words), end = set->count - base < 64 ? set->count - base : 64;
+            uint64_t word = asked ? asked[start + words] : ~(uint64_t)0;
+            word &= ~(uint64_t)0 >> (64 - end);
+            if (first > base)
+                word &= ~(uint64_t)0 << (first - base);
+            rest[words] = worker_take(word, &room, base, end, &first);
+            full = first < base + end;
+            w->statistics.asked += count_ones(rest[words]);
+        }
+        for (uint32_t i = 0; i < words; i++) {
+            if (!rest[i])
+                continue;
+            uint64_t exact = w->config.exact || eye->levels == 0 ? rest[i] : rest[i] & near_lights(eye, set, start + i);
+            if (exact)
+                ask_set(w, set, eye, 64 * (start + i), exact, NO_LEVEL, 0, visible);
+            rest[i] &= ~exact;
+        }
+        add_rows(w, set, eye, epoch_key, start, words, rest, visible);
+        if (full)
+            break;
+    }
+    return first;
 }

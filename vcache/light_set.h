@@ -22,7 +22,7 @@ struct vcache_light_set {
     size_t bytes;
     uint32_t count, words; /* lights; 64-bit words of a row of bits */
     uint64_t rows;
-    size_t stride;           /* words from row to row, whole cache lines */
+    size_t stride; /* words from row to row, whole cache lines */
     _Atomic uint64_t *memory;
     vcache_light *lights;
     float *x, *y, *z, *side_squared; /* of the lights, for bypasses; padded to whole words */

@@ -19,6 +19,9 @@ static const double shift_cell = 0.4142135623730951, shift_layer = 0.38196601125
 /* Steeper planes split into layers; they come with C_N <= 2 alone. */
 static const double slope_limit = 2.0;
 
+/* Points farther from the scene's centre than this many diameters are answered exactly: cell numbers stay in 32 bits. */
+static const double reach = 32.0;
+
 bool finite3(const float p[3])
 {
     return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]);
@@ -76,6 +79,12 @@ bool quantize_point(const vcache *c, const float position[3], const float normal
         return false;
     for (int i = 0; i < 3; i++)
         n[i] /= length;
+    double p[3];
+    for (int i = 0; i < 3; i++) {
+        p[i] = (position[i] - c->center[i]) * c->inverse_diameter;
+        if (!(fabs(p[i]) < reach))
+            return false;
+    }
     out->orientation = quantize_normal(c->config.normal_bins, n, z);
 
     /* Axes u, v around z without a branch on nearly equal components (Duff et al. 2017). */
@@ -83,29 +92,23 @@ bool quantize_point(const vcache *c, const float position[3], const float normal
     double x[3] = {1.0 + s * z[0] * z[0] * a, s * b, -s * z[0]};
     double y[3] = {b, s + z[1] * z[1] * a, -z[1]};
 
-    double p[3];
-    for (int i = 0; i < 3; i++)
-        p[i] = (position[i] - c->center[i]) * c->inverse_diameter;
     out->u = p[0] * x[0] + p[1] * x[1] + p[2] * x[2];
     out->v = p[0] * y[0] + p[1] * y[1] + p[2] * y[2];
     out->w = p[0] * z[0] + p[1] * z[1] + p[2] * z[2];
 
     double nx = n[0] * x[0] + n[1] * x[1] + n[2] * x[2], ny = n[0] * y[0] + n[1] * y[1] + n[2] * y[2];
     double nz = n[0] * z[0] + n[1] * z[1] + n[2] * z[2];
-    nz = nz > 1e-3 ? nz : 1e-3;
+    if (fabs(nz) < 1e-3)
+        nz = nz < 0.0 ? -1e-3 : 1e-3;
     double su = nx / nz, sv = ny / nz;
     out->slope_u = su > slope_limit ? slope_limit : su < -slope_limit ? -slope_limit : su;
     out->slope_v = sv > slope_limit ? slope_limit : sv < -slope_limit ? -slope_limit : sv;
     return true;
 }
 
-/* floor, saturated: points far outside the bounds share the outermost cells. */
+/* floor; `reach` and the finest resolution keep x far inside 32 bits. */
 static int32_t floor_int(double x)
 {
-    if (!(x > -2147483000.0))
-        return -2147483000;
-    if (!(x < 2147483000.0))
-        return 2147483000;
     int32_t i = (int32_t)x;
     return i - (x < i);
 }

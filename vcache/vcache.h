@@ -22,7 +22,8 @@
  * Threads: a vcache may be shared by any number of threads without locks; a vcache_worker belongs to one thread at a
  * time; prepared ends are read-only but for vcache_vertex. The library starts no thread, does no I/O, holds no lock.
  * Errors: creation returns a status and a message; hot calls cannot fail. An end that cannot be quantized (NaN,
- * infinity, zero normal or density) is answered exactly: every pair with it becomes a miss and is not stored.
+ * infinity, zero normal or density, farther than 32 diameters from the scene's centre) is answered exactly: every pair
+ * with it becomes a miss and is not stored.
  */
 #ifndef VCACHE_H
 #define VCACHE_H
@@ -63,7 +64,8 @@ typedef enum vcache_status {
 
 typedef enum vcache_hash {
     VCACHE_HASH_SPLIT,       /* default: each end hashed to 64 bits once, a pair costs one 64 x 64 bit multiplication */
-    VCACHE_HASH_LCG_PAIR,    /* Eq. 10: two linear congruential generators over the words of the key */
+    VCACHE_HASH_LCG_PAIR,    /* Eq. 10: two linear congruential generators over the words of the key. For comparison
+                                alone: on lattices of ends many different keys come out equal */
     VCACHE_HASH_LCG_XORSHIFT /* Sect. 4.1: one 64-bit LCG followed by xorshift over the words of the key */
 } vcache_hash;
 
@@ -109,8 +111,8 @@ VCACHE_API double vcache_table_filled(const vcache *cache, uint64_t samples);
 /* ------------------------------------------------------------------------------------------------------- the ends */
 
 /* A surface point. `normal` is the geometric one, on the side that the path arrives at (two sides of a thin wall are
- * two orientations and never share a cell); its length does not matter. `user` is the host's own (primitive,
- * instance, index ...) and is handed back with each miss. */
+ * two orientations and never share a cell, but with C_N = 1); its length does not matter. `user` is the host's own
+ * (primitive, instance, index ...) and is handed back with each miss. */
 typedef struct vcache_surface {
     float position[3];
     float normal[3];
@@ -159,17 +161,17 @@ VCACHE_API void vcache_prepare_solid_angle(const vcache *cache, const float dire
                                            vcache_light *out);
 
 /* Lights that are known in advance and asked together (virtual point lights, point lights, fixed environment samples):
- * from now on the words of one eye cell against 16 lights in a row of this array share a cache line of the table, so that
- * vcache_add over the array reads far less memory. Call once, after all of them are prepared; prepare an end again to
- * undo it. Answers do not change but for which words collide. No effect on the paper's hash families, and in tables of
- * fewer than 16 words. */
+ * from now on the words of one eye cell against 16 lights in a row of this array share a cache line of the table, so
+ * that vcache_add over the array reads far less memory. Call once, after all of them are prepared; prepare an end again
+ * to undo it. Answers do not change but for which words collide. No effect on the paper's hash families, and in tables
+ * of fewer than 16 words. */
 VCACHE_API void vcache_bundle_lights(const vcache *cache, vcache_light *lights, size_t count);
 
-/* A set of lights that the host knows in advance: virtual point lights, point lights, fixed environment samples. What an
- * eye cell sees of the whole set is one row of bits (known, visible), found by one look-up per cell and level, and 64
- * lights are decided at a time by AND and XOR. Rows live in memory of their own, are replaced on collision, and hold the
- * cell's whole 64-bit hash. Each light is its own light end: lights of one light cell do not share. Any number of threads
- * may use a set; vcache_clear of its cache clears it. */
+/* A set of lights that the host knows in advance: virtual point lights, point lights, fixed environment samples. What
+ * an eye cell sees of the whole set is one row of bits (known, visible), found by one look-up per cell and level, and
+ * 64 lights are decided at a time by AND and XOR. Rows live in memory of their own, are replaced on collision, and hold
+ * the cell's whole 64-bit hash. Each light is its own light end: lights of one light cell do not share. Any number of
+ * threads may use a set; vcache_clear of its cache clears it. */
 typedef struct vcache_light_set vcache_light_set;
 #define VCACHE_MAX_SET 65536
 /* Copies the prepared ends. `bytes`: of rows; a row takes count / 4 + 16 bytes, rounded up to whole 64. */

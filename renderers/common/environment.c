@@ -16,6 +16,7 @@ struct environment {
     rgb *pixels;
     float *density;  /* per texel: 1 / sr; all 0 for a black map */
     float *columns;  /* per row: width + 1 cumulative probabilities of its texels */
+    uint32_t *guides; /* per row: width intervals of `columns` to start the search from, one per 1 / width */
     float *rows;     /* height + 1 cumulative probabilities of the rows */
     double *cosines; /* height + 1: cos of the polar angle at the upper edge of each row */
     bool black;      /* nothing to prefer: drawn uniformly */
@@ -39,6 +40,7 @@ void environment_free(environment *e)
     free(e->pixels);
     free(e->density);
     free(e->columns);
+    free(e->guides);
     free(e->rows);
     free(e->cosines);
     free(e);
@@ -162,6 +164,18 @@ static void build_density(environment *e, double *texels, double *row_sums)
     e->rows[e->height] = 1.0f;
 }
 
+/* guide[k]: the last interval that begins at or before k / count. A binary search over a row of a large map misses the
+ * caches at nearly every step; from here few steps are left. */
+static void build_guide(const float *cumulative, uint32_t count, uint32_t *guide)
+{
+    for (uint32_t k = 0, low = 0; k < count; ++k) {
+        float u = (float)k / (float)count;
+        while (low + 1 < count && cumulative[low + 1] <= u)
+            low++;
+        guide[k] = low;
+    }
+}
+
 /* The exact mean of the bilinear lookup: a row weighs as much as its hat function times sin(theta) integrates to. */
 static rgb mean_radiance(const environment *e)
 {
@@ -201,10 +215,11 @@ bool environment_from_image(const image *map, environment **out, message *err)
     e->pixels = malloc(count * sizeof *e->pixels);
     e->density = calloc(count, sizeof *e->density);
     e->columns = calloc(count + map->height, sizeof *e->columns);
+    e->guides = calloc(count, sizeof *e->guides);
     e->rows = calloc((size_t)map->height + 1, sizeof *e->rows);
     e->cosines = calloc((size_t)map->height + 1, sizeof *e->cosines);
     double *texels = calloc(map->width, sizeof *texels), *row_sums = calloc(map->height, sizeof *row_sums);
-    bool good = e->pixels && e->density && e->columns && e->rows && e->cosines && texels && row_sums;
+    bool good = e->pixels && e->density && e->columns && e->guides && e->rows && e->cosines && texels && row_sums;
     if (good) {
         size_t repaired = copy_pixels(e, map);
         if (repaired > 0)
@@ -212,6 +227,8 @@ bool environment_from_image(const image *map, environment **out, message *err)
         for (uint32_t j = 0; j <= e->height; ++j)
             e->cosines[j] = cos(pi * j / e->height);
         build_density(e, texels, row_sums);
+        for (uint32_t j = 0; j < e->height; ++j)
+            build_guide(e->columns + (size_t)j * (e->width + 1), e->width, e->guides + (size_t)j * e->width);
         e->mean = mean_radiance(e);
         *out = e;
     } else {
@@ -236,11 +253,18 @@ bool environment_load(const char *path, environment **out, message *err)
 
 /* --- sampling --- */
 
-/* The interval of cumulative[0 ... count] that holds u, never an empty one; *inside is the place of u in it. */
-static uint32_t find_interval(const float *cumulative, uint32_t count, float u, float *inside)
+/* The interval of cumulative[0 ... count] that holds u, never an empty one; *inside is the place of u in it. `guide` may
+ * be NULL. */
+static uint32_t find_interval(const float *cumulative, const uint32_t *guide, uint32_t count, float u, float *inside)
 {
     u = fminf(u, 0x1.fffffep-1f);
     uint32_t low = 0, high = count; /* cumulative[low] <= u < cumulative[high] */
+    if (guide) {
+        uint32_t k = (uint32_t)(u * (float)count), last = count - 1;
+        k = k < last ? k : last;
+        low = guide[k > 0 ? k - 1 : 0]; /* one earlier: u * count is rounded */
+        high = k + 2 < count && guide[k + 2] + 1 < count ? guide[k + 2] + 1 : count;
+    }
     while (high - low > 1) {
         uint32_t middle = low + (high - low) / 2;
         if (cumulative[middle] <= u)
@@ -266,8 +290,9 @@ vec3 environment_sample(const environment *e, float u1, float u2, rgb *radiance,
         *pdf = UNIFORM_DENSITY;
     } else {
         float along, down;
-        uint32_t j = find_interval(e->rows, e->height, u1, &down);
-        uint32_t i = find_interval(e->columns + (size_t)j * (e->width + 1), e->width, u2, &along);
+        uint32_t j = find_interval(e->rows, NULL, e->height, u1, &down);
+        uint32_t i = find_interval(e->columns + (size_t)j * (e->width + 1), e->guides + (size_t)j * e->width, e->width,
+                                   u2, &along);
         d = spherical(((double)i + along) / e->width, e->cosines[j] + down * (e->cosines[j + 1] - e->cosines[j]));
         /* Looked up again by direction, as environment_pdf does: rounding may have moved it into the next texel. */
         size_t texel = texel_of(e, d);

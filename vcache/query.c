@@ -1,0 +1,236 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Queries of the table of words: Algorithm 2 for one pair, for many lights at a time, and for vertices (Eq. 6). */
+#include "worker.h"
+
+static float distance_squared(const float a[3], const float b[3])
+{
+    float x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return x * x + y * y + z * z;
+}
+
+/* True where the cells say too little about this pair: ends nearer to each other than a cell (contacts and corners
+ * would leak), ends that cannot be quantized. */
+static inline bool bypasses(const vcache_eye *eye, const vcache_light *light)
+{
+    if (eye->levels == 0 || light->bad)
+        return true;
+    if (light->side_squared < 0.0f)
+        return false;
+    float side = eye->side_squared > light->side_squared ? eye->side_squared : light->side_squared;
+    return !(distance_squared(eye->position, light->position) >= side);
+}
+
+bool table_bypasses(const vcache_eye *eye, const vcache_light *light)
+{
+    return bypasses(eye, light);
+}
+
+static inline place find_place(const vcache *c, vcache_hash family, uint64_t epoch_key, uint64_t half,
+                               const vcache_light *light)
+{
+    place p = {.key = pair_key(family, epoch_key, half, light)};
+    if (light->lane == LANE_NONE)
+        p.slot = pair_slot(c, family, p.key);
+    else
+        p.slot = pair_line(c, epoch_key, half, light->key.line) + light->lane;
+    return p;
+}
+
+static inline bool look_up(const vcache *c, place at, bool *visible)
+{
+    uint32_t word = table_load_relaxed(&c->table, at.slot);
+    *visible = word & 1u;
+    return (word & ~1u) == table_word(at.key);
+}
+
+/* Algorithm 2 from `level` on: down while one of the known neighbours differs. */
+static inline step walk(const vcache *c, vcache_hash family, uint64_t epoch_key, const vcache_eye *eye,
+                        const vcache_light *light, uint32_t level)
+{
+    step s = {.level = level};
+    for (;; s.level++) {
+        const eye_level *l = &eye->level[s.level];
+        s.at = find_place(c, family, epoch_key, l->center, light);
+        s.known = look_up(c, s.at, &s.visible);
+        if (!s.known || s.level + 1 == eye->levels)
+            return s;
+        bool differs = false;
+        for (int i = 0; i < 4 && !differs; i++) {
+            bool other;
+            if (look_up(c, find_place(c, family, epoch_key, l->neighbour[i], light), &other))
+                differs = other != s.visible;
+        }
+        if (!differs)
+            return s;
+    }
+}
+
+step table_walk(const vcache *c, uint64_t epoch_key, const vcache_eye *eye, const vcache_light *light, uint32_t level)
+{
+    return walk(c, c->config.hash, epoch_key, eye, light, level);
+}
+
+void table_write(vcache_worker *w, place at, bool visible)
+{
+    vcache *c = w->cache;
+    uint32_t word = table_word(at.key), old = table_load_relaxed(&c->table, at.slot);
+    w->statistics.stored++;
+    w->statistics.overwritten += old != 0 && (old & ~1u) != word;
+    table_store_relaxed(&c->table, at.slot, word | (uint32_t)visible);
+}
+
+static inline void prefetch(const vcache *c, uint64_t slot)
+{
+#if defined(__GNUC__)
+    __builtin_prefetch((const void *)&c->table.words[slot]);
+#else
+    (void)c, (void)slot;
+#endif
+}
+
+/* Up to 64 lights: the walk of Algorithm 2 over all of them at a time, so that their words come from memory side by
+ * side and not one after the other. Nearly all pairs end in the first level; the others go on one by one. */
+static inline void add_block(vcache_worker *w, vcache_hash family, uint64_t epoch_key, const vcache_eye *eye,
+                             const vcache_light *lights, uint32_t base, uint64_t asked, uint64_t *visible)
+{
+    const vcache *c = w->cache;
+    const eye_level *l = &eye->level[0];
+    const uint64_t half[5] = {l->center, l->neighbour[0], l->neighbour[1], l->neighbour[2], l->neighbour[3]};
+    const int cells = eye->levels > 1 ? 5 : 1; /* without refinement the neighbours do not matter */
+    pair p = {.from.eye = eye, .visible = visible};
+    place at[64][5];
+    uint64_t yes = 0, no = 0, line = 0, start[5] = {0};
+    uint8_t index[64], last_lane = LANE_NONE;
+    uint32_t count = 0;
+    for (; asked; asked &= asked - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(asked);
+        p.to.light = &lights[base + i];
+        p.bit = base + i;
+        if (w->config.exact || bypasses(eye, p.to.light)) {
+            p.level = NO_LEVEL;
+            worker_add_miss(w, &p, (place){0});
+            continue;
+        }
+        uint8_t lane = p.to.light->lane;
+        if (lane == LANE_NONE) {
+            for (int k = 0; k < cells; k++) {
+                at[count][k] = find_place(c, family, epoch_key, half[k], p.to.light);
+                prefetch(c, at[count][k].slot);
+            }
+        } else {
+            if (last_lane == LANE_NONE || line != p.to.light->key.line) {
+                line = p.to.light->key.line;
+                for (int k = 0; k < cells; k++) {
+                    start[k] = pair_line(c, epoch_key, half[k], line);
+                    prefetch(c, start[k]);
+                }
+            }
+            for (int k = 0; k < cells; k++)
+                at[count][k] = (place){pair_key(family, epoch_key, half[k], p.to.light), start[k] + lane};
+        }
+        last_lane = lane;
+        index[count++] = (uint8_t)i;
+    }
+    for (uint32_t n = 0; n < count; n++) {
+        bool value, other, differs = false;
+        if (!look_up(c, at[n][0], &value)) {
+            p.to.light = &lights[base + index[n]];
+            p.bit = base + index[n];
+            p.level = 0;
+            worker_ask(w, &p, at[n][0]);
+            continue;
+        }
+        for (int k = 1; k < cells; k++) {
+            bool found = look_up(c, at[n][k], &other); /* before `other` is read */
+            differs |= found & (other != value);
+        }
+        if (differs) {
+            p.to.light = &lights[base + index[n]];
+            p.bit = base + index[n];
+            worker_finish(w, &p, walk(c, family, epoch_key, eye, p.to.light, 1));
+            continue;
+        }
+        *(value ? &yes : &no) |= (uint64_t)1 << index[n];
+    }
+    w->statistics.hits[0] += count_ones(yes | no);
+    w->statistics.hit_levels |= (yes | no) != 0;
+    visible[base / 64] = (visible[base / 64] | yes) & ~no;
+}
+
+static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
+                                  const vcache_light *lights, uint32_t first, uint32_t count, const uint64_t *asked,
+                                  uint64_t *visible)
+{
+    uint64_t epoch_key = worker_epoch(w);
+    while (first < count) {
+        uint32_t base = first & ~63u, end = count - base < 64 ? count - base : 64;
+        uint64_t word = asked ? asked[base / 64] : ~(uint64_t)0;
+        word &= ~(uint64_t)0 << (first - base);
+        word &= ~(uint64_t)0 >> (64 - end);
+        uint32_t room = worker_room(w);
+        word = worker_take(word, &room, base, end, &first);
+        w->statistics.asked += count_ones(word);
+        if (word)
+            add_block(w, family, epoch_key, eye, lights, base, word, visible);
+        if (first < base + end)
+            break;
+    }
+    return first;
+}
+
+uint32_t vcache_add(vcache_worker *w, const vcache_eye *eye, const vcache_light *lights, uint32_t first, uint32_t count,
+                    const uint64_t *asked, uint64_t *visible)
+{
+    /* one copy of the loop per family: the choice must not stand inside it */
+    switch (w->cache->config.hash) {
+    case VCACHE_HASH_SPLIT:
+        return add_family(w, VCACHE_HASH_SPLIT, eye, lights, first, count, asked, visible);
+    case VCACHE_HASH_LCG_PAIR:
+        return add_family(w, VCACHE_HASH_LCG_PAIR, eye, lights, first, count, asked, visible);
+    case VCACHE_HASH_LCG_XORSHIFT:
+        break;
+    }
+    return add_family(w, VCACHE_HASH_LCG_XORSHIFT, eye, lights, first, count, asked, visible);
+}
+
+/* ------------------------------------------------------------------------------------------------------- vertices */
+
+/* Place of a pair of vertices; false where it must be answered exactly. Vertices hash by the split family always: their
+ * cells depend on both ends, so there is no prefix for the serial families to start from. */
+static bool vertices_place(const vcache *c, uint64_t epoch_key, vcache_vertex *eye, vcache_vertex *light, place *out)
+{
+    int at = vertex_step(c, eye, light);
+    if (at < 0)
+        return false;
+    float side = quantize_size(c, at).side;
+    if (!(distance_squared(eye->position, light->position) >= side * side))
+        return false;
+    out->key = hash_fold(vertex_hash(c, eye, at) ^ epoch_key, vertex_hash(c, light, at));
+    out->slot = pair_slot(c, VCACHE_HASH_SPLIT, out->key);
+    return true;
+}
+
+void table_enter_vertices(vcache_worker *w, pair *p, uint64_t epoch_key)
+{
+    place at = {0};
+    bool value;
+    if (w->config.exact || !vertices_place(w->cache, epoch_key, p->from.vertex, p->to.vertex, &at)) {
+        p->level = NO_LEVEL;
+        worker_add_miss(w, p, (place){0});
+    } else if (look_up(w->cache, at, &value)) {
+        worker_count_hit(w, 0);
+        worker_answer(p->visible, p->bit, value);
+    } else {
+        worker_ask(w, p, at);
+    }
+}
+
+bool vcache_add_vertices(vcache_worker *w, vcache_vertex *eye, vcache_vertex *light, uint64_t *visible, uint32_t bit)
+{
+    if (worker_room(w) == 0)
+        return false;
+    w->statistics.asked++;
+    pair p = {.from.vertex = eye, .to.vertex = light, .visible = visible, .bit = bit, .vertices = true};
+    table_enter_vertices(w, &p, worker_epoch(w));
+    return true;
+}
