@@ -197,7 +197,8 @@ static void failing_memory(void **state)
         if (status == VCACHE_OK) {
             needed = l.calls;
             /* all of it comes from this allocator: the table, and a worker's batch */
-            assert_true(l.total > 4000 + 65536 * (sizeof(vcache_miss) + sizeof(vcache_answer)));
+            uint64_t capacity = vcache_default_worker_config().capacity;
+            assert_true(l.total > 4000 + capacity * (sizeof(vcache_miss) + sizeof(vcache_answer)));
         } else {
             assert_int_equal(status, VCACHE_ERROR_MEMORY);
             assert_non_null(strstr(message, "no memory"));

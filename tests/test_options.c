@@ -45,7 +45,11 @@ static void fill_table(settings *s, option table[table_size])
         {.name = "threads", .kind = OPTION_INT, .value = &s->threads, .help = "0: all CPUs"},
         {.name = "seed", .kind = OPTION_UINT64, .value = &s->seed, .help = "of the random numbers"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .help = "cell size in pixels", .min = 0.5, .max = 1000},
-        {.name = "exposure", .kind = OPTION_FLOAT, .value = &s->exposure, .help = "of PNG files, in stops"},
+        {.name = "exposure",
+         .kind = OPTION_FLOAT,
+         .value = &s->exposure,
+         .shown = "by brightness",
+         .help = "of PNG files, in stops"},
         {.name = "eye",
          .kind = OPTION_FLOATS,
          .count = 3,
@@ -250,6 +254,25 @@ static void messages(void **state)
     REFUSED("whitted: unknown option '--'; --help lists all", "--=3");
 }
 
+static void suggestions(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"atrium", "cornell", "shapes", NULL};
+    assert_string_equal(options_suggest("cornel", names), "cornell");
+    assert_string_equal(options_suggest("artium", names), "atrium");
+    assert_null(options_suggest("kitchen", names));
+    assert_null(options_suggest("cornell", names + 3));
+}
+
+/* Whatever stands in file names, a message is one line. */
+static void one_line(void **state)
+{
+    (void)state;
+    message m;
+    assert_false((fail)(&m, "%s: a\tb", "x\ny\r\033[1m\177z\303\244"));
+    assert_string_equal(m.text, "x?y??[1m?z\303\244: a?b");
+}
+
 static void texts_behind_flags_and_choices(void **state)
 {
     (void)state;
@@ -335,6 +358,7 @@ static void help_is_one_screen(void **state)
         "\n      --size WxH ",
         "[640x360]\n",
         "[1,2,3]\n",
+        "of PNG files, in stops [by brightness]\n",
         "cell size in pixels [8]\n",
         "\n  -q, --quiet ",
         "\n      --stats[=FILE] ",
@@ -392,6 +416,8 @@ int main(void)
         cmocka_unit_test(numbers),
         cmocka_unit_test(bad_values_are_refused),
         cmocka_unit_test(messages),
+        cmocka_unit_test(suggestions),
+        cmocka_unit_test(one_line),
         cmocka_unit_test(texts_behind_flags_and_choices),
         cmocka_unit_test(end_of_options),
         cmocka_unit_test(repeatable_options_have_a_limit),

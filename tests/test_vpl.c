@@ -391,18 +391,15 @@ static void counts_add_up(void **state)
         if (mode == 2)
             g.v.settings.ce_delta = g.v.settings.ce_samples = 0.0f; /* these are traced */
         vpl_set vpls = vpls_new(&g.v);
-        vcache *cache = NULL;
-        light_ends *ends = NULL;
-        if (mode) {
-            assert_true(vcache_create(&g.v.settings.cache, &cache, NULL) == VCACHE_OK);
-            ends = light_ends_new(&g.v, &vpls, cache);
-        }
-        visibility *o = visibility_new(&g.v, &vpls, cache, ends);
+        caches used = {0};
+        if (mode)
+            assert_true(caches_new(&g.v, &vpls, &used, NULL));
+        visibility *o = visibility_new(&g.v, &vpls, mode ? &used : NULL);
         chunk c;
         chunk_new(&c, &g.v, &vpls);
         eye_samples samples = {0};
-        tile_pixels *pixels = xmalloc(sizeof *pixels);
-        eye_paths(&g.v, (tile){0, 0, TILE, TILE, 0}, &samples, pixels);
+        tile_pixels *pixels = xcalloc(1, sizeof *pixels);
+        eye_paths(&g.v, (tile){0, 0, TILE, TILE, 0}, 0, 2, &samples, pixels);
         for (size_t i = 0; i < samples.count; i += CHUNK) {
             for (c.count = 0; c.count < CHUNK && i + c.count < samples.count; c.count++)
                 c.eyes[c.count] = &samples.items[i + c.count];
@@ -421,13 +418,74 @@ static void counts_add_up(void **state)
         assert_true(mode ? traced < asked : traced == asked);
         visibility_free(o);
         chunk_free(&c);
-        light_ends_free(ends);
-        vcache_destroy(&cache);
+        caches_free(&used);
         vpls_free(&vpls);
         free(samples.items);
         free(pixels);
     }
     stage_free(&g);
+}
+
+/* Eye paths in parts are those of the whole. */
+static void passes(void **state)
+{
+    (void)state;
+    stage g = mixed_stage(TILE, TILE, 5);
+    tile t = {0, 0, TILE, TILE, 0};
+    eye_samples whole = {0}, part = {0};
+    tile_pixels *one = xcalloc(1, sizeof *one), *two = xcalloc(1, sizeof *two);
+    eye_paths(&g.v, t, 0, 5, &whole, one);
+    tally balance = {0};
+    for (size_t i = 0; i < whole.count; i++)
+        tally_add(&balance, (double)whole.items[i].origin.x * (double)whole.items[i].weight.y);
+    double sum = balance.sum;
+    size_t count = 0;
+    for (int first = 0; first < 5; first += 3) {
+        eye_paths(&g.v, t, first, first ? 2 : 3, &part, two);
+        count += part.count;
+        for (size_t i = 0; i < part.count; i++)
+            sum -= (double)part.items[i].origin.x * (double)part.items[i].weight.y;
+    }
+    assert_true(count == whole.count && count > 1000);
+    assert_true(fabs(sum) < 1e-9 * sqrt(balance.squares));
+    assert_memory_equal(one, two, sizeof *one);
+    free(whole.items);
+    free(part.items);
+    free(one);
+    free(two);
+    /* more than one pass a tile: nothing is lost between them */
+    g.v.settings.spp = PASS;
+    frame few = stage_render(&g, 0.0f);
+    g.v.settings.spp = 2 * PASS + 1;
+    frame many = stage_render(&g, 0.0f);
+    assert_true(many.eye_samples > 2 * few.eye_samples);
+    assert_true(fabs(mean_lit(&many) / mean_lit(&few) - 1.0) < 0.01);
+    frame_free(&few);
+    frame_free(&many);
+    stage_free(&g);
+}
+
+/* Each light sample of an eye sample is first as often as any other. */
+static void samples_ask_in_random_order(void **state)
+{
+    (void)state;
+    enum { SAMPLES = 4, EYES = 4000 };
+    view v = {.settings = {.seed = 1}};
+    int count[SAMPLES * SAMPLES] = {0};
+    for (uint64_t i = 0; i < EYES; i++) {
+        eye_sample e = {.random = i};
+        uint16_t order[SAMPLES];
+        unsigned seen = 0;
+        direct_order(&v, &e, SAMPLES, order);
+        for (int k = 0; k < SAMPLES; k++) {
+            assert_in_range(order[k], 0, SAMPLES - 1);
+            seen |= 1u << order[k];
+            count[k * SAMPLES + order[k]]++;
+        }
+        assert_int_equal(seen, 15);
+    }
+    for (int i = 0; i < SAMPLES * SAMPLES; i++)
+        assert_in_range(count[i], EYES / SAMPLES - 140, EYES / SAMPLES + 140); /* 5 sigma */
 }
 
 static void odd_sizes(void **state)
@@ -495,6 +553,8 @@ int main(void)
         cmocka_unit_test(mispredictions),
         cmocka_unit_test(tiny_cells_are_exact),
         cmocka_unit_test(counts_add_up),
+        cmocka_unit_test(passes),
+        cmocka_unit_test(samples_ask_in_random_order),
         cmocka_unit_test(odd_sizes),
         cmocka_unit_test(nothing_to_light),
     };

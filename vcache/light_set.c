@@ -50,7 +50,8 @@ vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights,
     s->side_squared = s->z + padded;
     memcpy(s->lights, lights, count * sizeof *lights);
     for (uint32_t i = 0; i < count; i++) {
-        s->x[i] = lights[i].position[0];
+        /* NaN is never far enough */
+        s->x[i] = lights[i].bad ? NAN : lights[i].position[0];
         s->y[i] = lights[i].position[1];
         s->z[i] = lights[i].position[2];
         /* a bypass is !(distance^2 >= side^2): never for directions, always for ends that cannot be quantized */
@@ -84,7 +85,7 @@ step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye 
     for (;; s.level++) {
         const eye_level *l = &eye->level[s.level];
         uint64_t row = row_key(epoch_key, l->center);
-        s.at = (place){hash_fold(row, hash_words(light, 0, row)), row};
+        s.at = (place){hash_fold(row, hash_words(light, (uintptr_t)set, row)), row};
         s.known = row_read(set, row, light / 64, 1, &known, &visible) && known & bit;
         s.visible = visible & bit;
         if (!s.known || s.level + 1 == eye->levels)
@@ -104,7 +105,11 @@ step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye 
 void set_write(vcache_worker *w, uint32_t first, uint32_t end, const vcache_answer *answers)
 {
     vcache_light_set *set = w->asking[first].set;
-    bool replaced = false;
+    bool replaced = false, any = false;
+    for (uint32_t i = first; i < end; i++)
+        any |= !(answers[i] & VCACHE_ONCE);
+    if (!any)
+        return; /* nothing that would be worth another cell's row */
     _Atomic uint64_t *row = row_open(set, w->places[first].slot, &replaced);
     if (!row)
         return;
@@ -149,7 +154,7 @@ static void ask_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *e
         if (level == NO_LEVEL)
             worker_add_miss(w, &p, (place){0});
         else
-            worker_ask(w, &p, (place){hash_fold(row, hash_words(p.bit, 0, row)), row});
+            worker_ask(w, &p, (place){hash_fold(row, hash_words(p.bit, (uintptr_t)set, row)), row});
     }
 }
 

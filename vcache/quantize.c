@@ -19,7 +19,8 @@ static const double shift_cell = 0.4142135623730951, shift_layer = 0.38196601125
 /* Steeper planes split into layers; they come with C_N <= 2 alone. */
 static const double slope_limit = 2.0;
 
-/* Points farther from the scene's centre than this many diameters are answered exactly: cell numbers stay in 32 bits. */
+/* Points farther from the scene's centre than this many diameters are answered exactly: cell numbers stay in 32 bits.
+ */
 static const double reach = 32.0;
 
 bool finite3(const float p[3])

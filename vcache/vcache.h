@@ -162,9 +162,9 @@ VCACHE_API void vcache_prepare_solid_angle(const vcache *cache, const float dire
 
 /* Lights that are known in advance and asked together (virtual point lights, point lights, fixed environment samples):
  * from now on the words of one eye cell against 16 lights in a row of this array share a cache line of the table, so
- * that vcache_add over the array reads far less memory. Call once, after all of them are prepared; prepare an end again
- * to undo it. Answers do not change but for which words collide. No effect on the paper's hash families, and in tables
- * of fewer than 16 words. */
+ * that vcache_add over the array reads far less memory. Lights of one light cell then have a word each instead of
+ * sharing one. Call once, after all of them are prepared; prepare an end again to undo it. No effect on the paper's
+ * hash families, and in tables of fewer than 16 words. */
 VCACHE_API void vcache_bundle_lights(const vcache *cache, vcache_light *lights, size_t count);
 
 /* A set of lights that the host knows in advance: virtual point lights, point lights, fixed environment samples. What

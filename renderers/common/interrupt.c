@@ -10,12 +10,12 @@
 #error "signal handlers need a lock-free atomic int"
 #endif
 
-/* The one variable of the program that a signal handler can reach. */
+/* The one variable of the program that a signal handler can reach: the number of the last signal. */
 static atomic_int signal_seen;
 
 static void on_signal(int number)
 {
-    if (atomic_exchange(&signal_seen, 1)) {
+    if (atomic_exchange(&signal_seen, number)) {
         signal(number, SIG_DFL);
         raise(number); /* delivered when the handler returns */
     }
@@ -34,5 +34,10 @@ void interrupt_install(void)
 
 bool interrupted(void)
 {
-    return atomic_load_explicit(&signal_seen, memory_order_relaxed) != 0;
+    return interrupt_signal() != 0;
+}
+
+int interrupt_signal(void)
+{
+    return atomic_load_explicit(&signal_seen, memory_order_relaxed);
 }

@@ -10,5 +10,7 @@
 void interrupt_install(void);
 /* Whether such a signal has come. Any thread; as cheap as reading a variable. */
 bool interrupted(void);
+/* The number of that signal, 0 where none has come. */
+int interrupt_signal(void);
 
 #endif

@@ -6,6 +6,13 @@
 
 static bool notices_on = true;
 
+void replace_control_characters(char *text)
+{
+    for (; *text; text++)
+        if ((unsigned char)*text < ' ' || *text == 127)
+            *text = '?';
+}
+
 bool fail(message *m, const char *format, ...)
 {
     if (m) {
@@ -13,6 +20,7 @@ bool fail(message *m, const char *format, ...)
         va_start(args, format);
         vsnprintf(m->text, sizeof m->text, format, args);
         va_end(args);
+        replace_control_characters(m->text);
     }
     return false;
 }
@@ -26,10 +34,11 @@ void notice(const char *format, ...)
 {
     if (!notices_on)
         return;
+    char text[1024];
     va_list args;
     va_start(args, format);
-    fputs("notice: ", stderr);
-    vfprintf(stderr, format, args);
-    fputc('\n', stderr);
+    vsnprintf(text, sizeof text, format, args);
     va_end(args);
+    replace_control_characters(text);
+    fprintf(stderr, "notice: %s\n", text);
 }

@@ -9,14 +9,17 @@ typedef struct message {
     char text[512];
 } message;
 
-/* Writes one line (printf format, no trailing newline) and returns false, so that a caller can
- * `return fail(err, "...")`. `m` may be NULL. */
+/* File names and arguments may hold anything; each character that would break or colour a line becomes '?'. */
+void replace_control_characters(char *text);
+
+/* Writes one line (printf format, no trailing newline) without control characters and returns false, so that a caller
+ * can `return fail(err, "...")`. `m` may be NULL. */
 #if defined(__GNUC__)
 __attribute__((format(printf, 2, 3)))
 #endif
 bool fail(message *m, const char *format, ...);
 
-/* Prints "notice: ..." to stderr unless notices were switched off (--quiet). */
+/* Prints "notice: ..." in one line to stderr unless notices were switched off (--quiet). */
 #if defined(__GNUC__)
 __attribute__((format(printf, 1, 2)))
 #endif

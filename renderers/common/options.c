@@ -52,29 +52,40 @@ static size_t edit_distance(const char *a, const char *b)
     return d[n][m];
 }
 
-static bool unknown_option(const parser *p, const char *given, const char *name)
+typedef struct guess {
+    const char *name;
+    size_t distance; /* only what is nearer is taken */
+} guess;
+
+static guess no_guess(const char *word)
 {
-    const char *best = NULL;
-    size_t best_distance = strlen(name) / 3 + 2; /* beyond, the names have nothing in common */
-    for (size_t i = 0; i <= p->count; i++) {
-        const char *candidate = i < p->count ? p->table[i].name : "help";
-        size_t distance = edit_distance(name, candidate);
-        if (distance < best_distance) {
-            best_distance = distance;
-            best = candidate;
-        }
-    }
-    if (best)
-        return fail(p->err, "%s: unknown option '%.100s'; did you mean '--%s'?", p->program->name, given, best);
-    return fail(p->err, "%s: unknown option '%.100s'; --help lists all", p->program->name, given);
+    return (guess){NULL, strlen(word) / 3 + 2}; /* beyond, the names have nothing in common */
 }
 
-/* Arguments may hold anything; the message is one line. */
-static void replace_control_characters(message *m)
+static void consider(guess *g, const char *word, const char *name)
 {
-    for (char *c = m->text; *c; c++)
-        if ((unsigned char)*c < ' ' || *c == 127)
-            *c = '?';
+    size_t distance = edit_distance(word, name);
+    if (distance < g->distance)
+        *g = (guess){name, distance};
+}
+
+const char *options_suggest(const char *word, const char *const *names)
+{
+    guess g = no_guess(word);
+    for (; *names; names++)
+        consider(&g, word, *names);
+    return g.name;
+}
+
+static bool unknown_option(const parser *p, const char *given, const char *name)
+{
+    guess g = no_guess(name);
+    for (size_t i = 0; i < p->count; i++)
+        consider(&g, name, p->table[i].name);
+    consider(&g, name, "help");
+    if (g.name)
+        return fail(p->err, "%s: unknown option '%.100s'; did you mean '--%s'?", p->program->name, given, g.name);
+    return fail(p->err, "%s: unknown option '%.100s'; --help lists all", p->program->name, given);
 }
 
 /* --- arguments --- */
@@ -169,8 +180,6 @@ options_status options_parse(const option_program *program, const option *table,
         return read_arguments(&write, argc, argv);
     if (status == OPTIONS_HELP)
         options_print_help(stdout, program, table, count);
-    else if (err)
-        replace_control_characters(err);
     return status;
 }
 

@@ -51,6 +51,7 @@ typedef struct option {
     const char *help; /* one short line */
     double min, max;  /* both 0: whatever the type holds (OPTION_SIZE: 1 ... 65535) */
     int count;        /* OPTION_FLOATS */
+    const char *shown; /* what --help calls the default where the value says nothing to a reader; NULL: the value */
     /* OPTION_CHOICE: names, NULL-terminated. One that reads "name[=TEXT]" may be given with a text behind it. */
     const char *const *choices;
     /* OPTION_FLAG: non-NULL lets the flag take a text, --name=TEXT. OPTION_CHOICE: where the text of a choice goes.
@@ -75,6 +76,9 @@ typedef enum options_status {
 /* Nothing is written to the values unless OPTIONS_OK is returned. */
 options_status options_parse(const option_program *program, const option *table, size_t count, int argc,
                              char *const argv[], message *err);
+
+/* The one of `names` (NULL-terminated) that `word` is most probably a misspelling of; NULL: none. */
+const char *options_suggest(const char *word, const char *const *names);
 
 /* At most 100 columns; a line per option as long as its help text is short. */
 void options_print_help(FILE *out, const option_program *program, const option *table, size_t count);

@@ -202,6 +202,10 @@ void option_default(const option *o, char *out, size_t size)
     const option_size *side = o->value;
     const float *numbers = o->value;
     out[0] = '\0';
+    if (o->shown) {
+        snprintf(out, size, "%s", o->shown);
+        return;
+    }
     switch (o->kind) {
     case OPTION_INT:
         snprintf(out, size, "%d", *(const int *)o->value);

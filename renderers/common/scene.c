@@ -47,6 +47,7 @@ scene *scene_new(const char *name)
 {
     scene *s = xcalloc(1, sizeof *s);
     snprintf(s->name, sizeof s->name, "%s", name);
+    replace_control_characters(s->name);
     return s;
 }
 
@@ -69,6 +70,7 @@ void scene_free(scene *s)
     free(s->lights);
     free(s->cameras);
     environment_free(s->environment);
+    free(s->path);
     free(s);
 }
 
@@ -173,6 +175,12 @@ camera camera_look(vec3 eye, vec3 at, vec3 up, float yfov)
 
 /* --- Checks --- */
 
+/* What messages call the scene. */
+static const char *label(const scene *s)
+{
+    return s->path ? s->path : s->name;
+}
+
 static bool finite3(vec3 v)
 {
     return isfinite(v.x) && isfinite(v.y) && isfinite(v.z);
@@ -193,11 +201,11 @@ static bool check_materials(const scene *s, message *err)
     for (uint32_t i = 0; i < s->material_count; i++) {
         const material *m = &s->materials[i];
         if (m->texture < -1 || (m->texture >= 0 && (uint32_t)m->texture >= s->texture_count))
-            return fail(err, "%s: material %u: texture index %d out of range", s->name, i, m->texture);
+            return fail(err, "%s: material %u: texture index %d out of range", label(s), i, m->texture);
         if (!colour_ok(m->color) || !colour_ok(m->emission))
-            return fail(err, "%s: material %u: a colour is negative or not finite", s->name, i);
+            return fail(err, "%s: material %u: a colour is negative or not finite", label(s), i);
         if (!(m->roughness >= 0.0f && m->roughness <= 1.0f) || !(m->ior >= 1.0f && isfinite(m->ior)))
-            return fail(err, "%s: material %u: roughness or index of refraction out of range", s->name, i);
+            return fail(err, "%s: material %u: roughness or index of refraction out of range", label(s), i);
     }
     return true;
 }
@@ -209,14 +217,14 @@ static bool check_lights_and_cameras(const scene *s, message *err)
         bool placed = l->kind == LIGHT_DIRECTIONAL || finite3(l->position);
         bool aimed = l->kind == LIGHT_POINT || unit(l->direction);
         if (!colour_ok(l->intensity) || !placed || !aimed)
-            return fail(err, "%s: light %u: bad intensity, position or direction", s->name, i);
+            return fail(err, "%s: light %u: bad intensity, position or direction", label(s), i);
         if (l->kind == LIGHT_SPOT && !(l->cos_outer >= -1.0f && l->cos_outer <= l->cos_inner && l->cos_inner <= 1.0f))
-            return fail(err, "%s: light %u: bad cone angles", s->name, i);
+            return fail(err, "%s: light %u: bad cone angles", label(s), i);
     }
     for (uint32_t i = 0; i < s->camera_count; i++) {
         const camera *c = &s->cameras[i];
         if (!finite3(c->eye) || !unit(c->forward) || !unit(c->up) || !(c->yfov > 0.0f && c->yfov < PI_F))
-            return fail(err, "%s: camera %u: bad position, direction or field of view", s->name, i);
+            return fail(err, "%s: camera %u: bad position, direction or field of view", label(s), i);
     }
     return true;
 }
@@ -225,13 +233,13 @@ static bool check_mesh(const scene *s, uint32_t index, message *err)
 {
     const mesh *m = &s->meshes[index];
     if (m->material >= s->material_count)
-        return fail(err, "%s: mesh %u: material index %u out of range", s->name, index, m->material);
+        return fail(err, "%s: mesh %u: material index %u out of range", label(s), index, m->material);
     for (size_t i = 0; i < 3 * (size_t)m->triangle_count; i++)
         if (m->indices[i] >= m->vertex_count)
-            return fail(err, "%s: mesh %u: vertex index %u out of range", s->name, index, m->indices[i]);
+            return fail(err, "%s: mesh %u: vertex index %u out of range", label(s), index, m->indices[i]);
     for (size_t i = 0; i < 3 * (size_t)m->vertex_count; i++)
         if (!isfinite(m->positions[i]))
-            return fail(err, "%s: mesh %u: position of vertex %zu is not finite", s->name, index, i / 3);
+            return fail(err, "%s: mesh %u: position of vertex %zu is not finite", label(s), index, i / 3);
     return true;
 }
 
@@ -241,11 +249,11 @@ static bool check_transform(const scene *s, uint32_t index, message *err)
     double lengths = 1.0;
     for (int i = 0; i < 12; i++)
         if (!isfinite(m[i]))
-            return fail(err, "%s: instance %u: transform is not finite", s->name, index);
+            return fail(err, "%s: instance %u: transform is not finite", label(s), index);
     for (int i = 0; i < 3; i++)
         lengths *= sqrt((double)m[i] * m[i] + (double)m[4 + i] * m[4 + i] + (double)m[8 + i] * m[8 + i]);
     if (!(fabs(determinant(m)) > MIN_DETERMINANT * lengths))
-        return fail(err, "%s: instance %u: transform is singular", s->name, index);
+        return fail(err, "%s: instance %u: transform is singular", label(s), index);
     return true;
 }
 
@@ -317,7 +325,7 @@ static bool add_to_bounds(scene *s, uint32_t index, const box *b, message *err)
         const float *p = m->positions + 3 * (size_t)m->indices[i];
         vec3 w = transform_point(to_world, v3(p[0], p[1], p[2]));
         if (!(fabsf(w.x) <= MAX_COORDINATE && fabsf(w.y) <= MAX_COORDINATE && fabsf(w.z) <= MAX_COORDINATE))
-            return fail(err, "%s: instance %u: a vertex lies beyond %g units", s->name, index, MAX_COORDINATE);
+            return fail(err, "%s: instance %u: a vertex lies beyond %g units", label(s), index, MAX_COORDINATE);
         s->bounds_min = v3_min(s->bounds_min, w);
         s->bounds_max = v3_max(s->bounds_max, w);
     }
@@ -379,7 +387,7 @@ bool scene_finish(scene *s, message *err)
             return false;
     for (uint32_t i = 0; i < s->instance_count; i++) {
         if (s->instances[i].mesh >= s->mesh_count)
-            return fail(err, "%s: instance %u: mesh index %u out of range", s->name, i, s->instances[i].mesh);
+            return fail(err, "%s: instance %u: mesh index %u out of range", label(s), i, s->instances[i].mesh);
         if (!check_transform(s, i, err))
             return false;
     }
@@ -390,17 +398,18 @@ bool scene_finish(scene *s, message *err)
     if (!count_instances(s, err))
         return false;
     if (s->triangle_count == 0)
-        return fail(err, "%s: the scene has no triangle with area", s->name);
+        return fail(err, "%s: the scene has no triangle with area", label(s));
     if (dropped)
-        notice("%s: dropped %llu triangles without area", s->name, (unsigned long long)dropped);
+        notice("%s: dropped %llu triangle%s without area", label(s), (unsigned long long)dropped,
+               dropped > 1 ? "s" : "");
 
     if (s->camera_count == 0) {
         scene_add_camera(s, framing_camera(s));
-        notice("%s: no camera; added one that frames the scene", s->name);
+        notice("%s: no camera; added one that frames the scene", label(s));
     }
     if (!has_light(s)) {
         s->environment = environment_uniform(v3(1, 1, 1));
-        notice("%s: no light; added a uniform white sky", s->name);
+        notice("%s: no light; added a uniform white sky", label(s));
     }
     return true;
 }

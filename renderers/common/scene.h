@@ -68,6 +68,7 @@ typedef struct camera {
 
 typedef struct scene {
     char name[64];
+    char *path; /* of the file as the user gave it, for messages; NULL: generated */
     mesh *meshes;
     uint32_t mesh_count;
     instance *instances;

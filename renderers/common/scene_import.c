@@ -301,7 +301,10 @@ static scene *named_scene(const char *path)
     const char *slash = strrchr(path, '/'), *base = slash ? slash + 1 : path;
     char name[sizeof((scene *)0)->name];
     snprintf(name, sizeof name, "%.*s", (int)(strrchr(base, '.') - base), base);
-    return scene_new(name);
+    scene *s = scene_new(name);
+    s->path = xmalloc(strlen(path) + 1);
+    strcpy(s->path, path);
+    return s;
 }
 
 typedef enum format { FORMAT_UNKNOWN, FORMAT_GLTF, FORMAT_OBJ, FORMAT_PLY } format;
@@ -321,6 +324,8 @@ static bool import_failed(const char *path, message *err)
     const char *why = aiGetErrorString();
     if (!*why || strstr(why, "No suitable reader"))
         why = "the contents do not fit the format";
+    else if (strstr(why, "too small"))
+        why = "the file has no faces";
     return fail(err, "%s: %.*s", path, (int)strcspn(why, "\n"), why);
 }
 

@@ -1,8 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "compare.h"
 
+#include "../common/interrupt.h"
+
 #include <stdarg.h>
 #include <string.h>
+#include <strings.h>
+#include <unistd.h>
 
 static int by_size(const void *a, const void *b)
 {
@@ -42,15 +46,60 @@ static times times_of(const frame *f)
     return (times){f->frame_s, f->shade_s};
 }
 
+bool frame_begun(const frame *f)
+{
+    return f->image.pixels != NULL;
+}
+
+const frame *comparison_frame(const comparison *c)
+{
+    return frame_begun(&c->mode_frame) ? &c->mode_frame : &c->exact_frame;
+}
+
+uint64_t memory_budget(void)
+{
+    return (uint64_t)sysconf(_SC_PHYS_PAGES) / 2 * (uint64_t)sysconf(_SC_PAGESIZE);
+}
+
+uint64_t comparison_bytes(const settings *f, bool compare, int runs)
+{
+    return frame_bytes(f) * (!compare ? 1 : runs > 1 ? 4 : 2);
+}
+
 bool comparison_single(const view *v, bool quiet, comparison *out, message *err)
 {
     memset(out, 0, sizeof *out);
     out->view = v;
     out->mispredicted = -1.0;
-    if (!frame_render(v, "rendering", quiet, NULL, NULL, &out->mode_frame, err))
-        return false;
-    out->mode[0] = times_of(&out->mode_frame);
-    return true;
+    return frame_render(v, "rendering", quiet, NULL, NULL, &out->mode_frame, err);
+}
+
+/* Whether one bit for each pair of eye sample and light can be kept. */
+static bool truth_fits(const view *v)
+{
+    const settings *f = &v->settings;
+    uint64_t lights = (uint64_t)f->vpls + v->scene->light_count + direct_sample_count(v);
+    return (uint64_t)f->width * f->height * (uint64_t)f->spp <= memory_budget() / (lights / 8 + 24);
+}
+
+/* One pair; `known` (NULL: none) is recorded by the exact frame and checked by the other. */
+static bool render_pair(const view *v, bool quiet, truth *known, comparison *out, message *err)
+{
+    view exact = *v;
+    exact.settings.visibility = VISIBILITY_EXACT;
+    frame first, second = {0};
+    bool ok = frame_render(&exact, "exact", quiet, known, NULL, &first, err);
+    if (ok && first.complete && !interrupted())
+        ok = frame_render(v, "chosen", quiet, NULL, known, &second, err);
+    if (out->runs > 0 && !second.complete) {
+        frame_free(&first);
+        frame_free(&second);
+        return ok;
+    }
+    comparison_free(out);
+    out->exact_frame = first;
+    out->mode_frame = second;
+    return ok;
 }
 
 bool comparison_run(const view *v, int runs, bool quiet, comparison *out, message *err)
@@ -58,35 +107,29 @@ bool comparison_run(const view *v, int runs, bool quiet, comparison *out, messag
     memset(out, 0, sizeof *out);
     out->view = v;
     out->mispredicted = -1.0;
-    view exact = *v;
-    exact.settings.visibility = VISIBILITY_EXACT;
     truth known = {0};
-    bool ok = true;
-    for (int i = runs > 1 ? -1 : 0; i < runs && ok; i++) {
-        frame_free(&out->exact_frame);
-        frame_free(&out->mode_frame);
+    bool ok = true, record = truth_fits(v);
+    if (!record)
+        notice("too many pairs to keep a record of: mispredictions are not counted");
+    for (int i = runs > 1 ? -1 : 0; i < runs && ok && !interrupted(); i++) {
         /* the truth is taken down once, and not in a run that is timed against others */
-        bool first = !known.tiles;
-        ok = frame_render(&exact, "exact", quiet, first ? &known : NULL, NULL, &out->exact_frame, err);
-        ok = ok && frame_render(v, "chosen", quiet, NULL, first ? &known : NULL, &out->mode_frame, err);
-        if (!ok)
+        ok = render_pair(v, quiet, record ? &known : NULL, out, err);
+        truth_free(&known);
+        if (!ok || interrupted())
             break;
-        if (first && out->mode_frame.rays.asked)
+        if (record && out->mode_frame.rays.asked)
             out->mispredicted = (double)out->mode_frame.mispredicted / (double)out->mode_frame.rays.asked;
-        if (i >= 0) {
-            out->exact[i] = times_of(&out->exact_frame);
-            out->mode[i] = times_of(&out->mode_frame);
-            out->runs = i + 1;
-        }
-        if (!out->mode_frame.complete)
-            break;
+        record = false;
+        int at = i < 0 ? 0 : i; /* times of the pair that warms up are replaced */
+        out->exact[at] = times_of(&out->exact_frame);
+        out->mode[at] = times_of(&out->mode_frame);
+        out->runs = at + 1;
     }
-    truth_free(&known);
-    if (!ok)
-        return false;
-    out->lit = image_compare(&out->mode_frame.lit, &out->exact_frame.lit);
-    out->whole = image_compare(&out->mode_frame.image, &out->exact_frame.image);
-    return true;
+    if (ok && out->runs > 0) {
+        out->lit = image_compare(&out->mode_frame.lit, &out->exact_frame.lit);
+        out->whole = image_compare(&out->mode_frame.image, &out->exact_frame.image);
+    }
+    return ok;
 }
 
 void comparison_free(comparison *c)
@@ -95,7 +138,9 @@ void comparison_free(comparison *c)
     frame_free(&c->mode_frame);
 }
 
-static const char *const mode_names[] = {"exact", "cache"};
+const char *const visibility_names[] = {"exact", "cache", NULL};
+const char *const store_names[] = {"rows", "words", NULL};
+const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
 
 /* 1234567 as 1,234,567 */
 static const char *grouped(uint64_t n, char out[32])
@@ -111,40 +156,57 @@ static const char *grouped(uint64_t n, char out[32])
     return out;
 }
 
-static void print_frame(FILE *out, const char *name, times t, uint64_t rays, uint64_t asked)
+static void print_frame(FILE *out, const char *name, times t, const frame *f)
 {
     char text[32];
     fprintf(out, "%-14s frame %8.3f s   shading %8.3f s   shadow rays %15s", name, t.frame_s, t.shade_s,
-            grouped(rays, text));
-    if (rays != asked && asked)
-        fprintf(out, " (%.2f %% of those asked for)", 100.0 * (double)rays / (double)asked);
+            grouped(f->rays.traced, text));
+    if (f->rays.traced != f->rays.asked && f->rays.asked)
+        fprintf(out, " (%.2f %% of those asked for)", 100.0 * (double)f->rays.traced / (double)f->rays.asked);
+    fputs(f->complete ? "\n" : " (interrupted)\n", out);
+}
+
+static void print_count(FILE *out, uint64_t n, const char *what)
+{
+    char text[32];
+    fprintf(out, ", %s %s%s", grouped(n, text), what, n == 1 ? "" : "s");
+}
+
+static void print_heading(const comparison *c, FILE *out)
+{
+    const settings *f = &c->view->settings;
+    const frame *m = comparison_frame(c);
+    char text[32];
+    uint64_t triangles = c->view->scene->triangle_count;
+    fprintf(out, "%s: %s triangle%s, %ux%u, %d spp", c->view->scene->name, grouped(triangles, text),
+            triangles == 1 ? "" : "s", f->width, f->height, f->spp);
+    print_count(out, m->vpls, "virtual point light");
+    print_count(out, m->punctual, "punctual light");
+    print_count(out, m->samples, "light sample");
     fputc('\n', out);
 }
 
 void comparison_print(const comparison *c, FILE *out)
 {
     const settings *f = &c->view->settings;
-    const frame *m = &c->mode_frame;
-    char text[32], name[32] = "exact";
-    fprintf(out, "%s: %s triangles, %ux%u, %d spp, %u virtual point lights, %u punctual lights, %u light samples\n",
-            c->view->scene->name, grouped(c->view->scene->triangle_count, text), f->width, f->height, f->spp, m->vpls,
-            m->punctual, m->samples);
+    const frame *e = &c->exact_frame, *m = &c->mode_frame;
+    char name[32] = "exact";
+    print_heading(c, out);
     if (f->visibility == VISIBILITY_CACHE)
         snprintf(name, sizeof name, "cache C_E %g", (double)f->ce);
-    if (c->runs == 0) {
-        print_frame(out, name, c->mode[0], m->rays.traced, m->rays.asked);
+    if (frame_begun(e))
+        print_frame(out, "exact", c->runs ? comparison_median(c->exact, c->runs) : times_of(e), e);
+    if (frame_begun(m))
+        print_frame(out, name, c->runs ? comparison_median(c->mode, c->runs) : times_of(m), m);
+    if (c->runs == 0)
         return;
-    }
-    const ray_counts *exact = &c->exact_frame.rays;
-    print_frame(out, "exact", comparison_median(c->exact, c->runs), exact->traced, exact->asked);
-    print_frame(out, name, comparison_median(c->mode, c->runs), m->rays.traced, m->rays.asked);
     double low, high, ratio = comparison_ratio(c, false, &low, &high);
     fprintf(out, "%-14s frame %8.2f x ", "speed-up", ratio);
     if (c->runs > 1)
         fprintf(out, "(%.2f ... %.2f in %d pairs)", low, high, c->runs);
     double shade = comparison_ratio(c, true, &low, &high);
     fprintf(out, "  shading %8.2f x   shadow rays %15.2f x\n", shade,
-            m->rays.traced ? (double)exact->traced / (double)m->rays.traced : 1.0);
+            m->rays.traced ? (double)e->rays.traced / (double)m->rays.traced : 1.0);
     fprintf(out, "difference     l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f",
             100.0 * c->lit.l_inf, 100.0 * c->whole.l_inf, c->lit.rel_mse, c->lit.p999, c->lit.max);
     if (c->mispredicted >= 0.0)
@@ -200,7 +262,8 @@ add_text(texts *t, const char *name, const char *format, ...)
 static void describe(const comparison *c, texts *t)
 {
     const settings *f = &c->view->settings;
-    const frame *m = &c->mode_frame;
+    const frame *m = comparison_frame(c);
+    bool cached = m == &c->mode_frame && f->visibility == VISIBILITY_CACHE;
     t->count = 0;
     add_text(t, "scene", "%s", c->view->scene->name);
     add_text(t, "spp", "%d", f->spp);
@@ -209,8 +272,8 @@ static void describe(const comparison *c, texts *t)
     add_text(t, "envSamples", "%d", f->env_samples);
     add_text(t, "seed", "%llu", (unsigned long long)f->seed);
     add_text(t, "threads", "%d", f->threads);
-    add_text(t, "visibility", "%s", mode_names[f->visibility]);
-    if (f->visibility == VISIBILITY_CACHE) {
+    add_text(t, "visibility", "%s", visibility_names[cached ? VISIBILITY_CACHE : VISIBILITY_EXACT]);
+    if (cached) {
         add_text(t, "ce", "%g", (double)f->ce);
         add_text(t, "ceDelta", "%g", (double)f->ce_delta);
         add_text(t, "ceSamples", "%g", (double)f->ce_samples);
@@ -218,7 +281,7 @@ static void describe(const comparison *c, texts *t)
         add_text(t, "layers", "%d", f->cache.layers);
         add_text(t, "resolutionStep", "%g", (double)f->cache.resolution_step);
         add_text(t, "levels", "%d", f->cache.levels);
-        add_text(t, "hash", "%d", (int)f->cache.hash);
+        add_text(t, "hash", "%s", hash_names[f->cache.hash]);
         add_text(t, "cacheBytes", "%llu", (unsigned long long)m->cache_bytes);
     }
     add_text(t, "frameSeconds", "%.6f", m->frame_s);
@@ -228,14 +291,19 @@ static void describe(const comparison *c, texts *t)
     add_text(t, "complete", "%s", m->complete ? "yes" : "no, interrupted");
 }
 
+bool has_extension(const char *path, const char *extension)
+{
+    size_t n = strlen(path), m = strlen(extension);
+    return n > m && strcasecmp(path + n - m, extension) == 0;
+}
+
 bool comparison_save(const comparison *c, const char *path, exr_options options, message *err)
 {
     const settings *f = &c->view->settings;
-    const frame *m = &c->mode_frame;
+    const frame *m = comparison_frame(c);
     texts t;
     describe(c, &t);
-    size_t length = strlen(path);
-    if (length > 4 && strcmp(path + length - 4, ".png") == 0)
+    if (has_extension(path, ".png"))
         return png_save(path, &m->image, image_exposure(&m->image), t.items, (size_t)t.count, err);
 
     exr_channel channels[16];
@@ -247,7 +315,7 @@ bool comparison_save(const comparison *c, const char *path, exr_options options,
         bool wanted;
     } layers[] = {{&m->image, {"R", "G", "B"}, true},
                   {&m->normal, {"normal.X", "normal.Y", "normal.Z"}, true},
-                  {&m->cells, {"cell.R", "cell.G", "cell.B"}, f->visibility == VISIBILITY_CACHE},
+                  {&m->cells, {"cell.R", "cell.G", "cell.B"}, m == &c->mode_frame && f->visibility == VISIBILITY_CACHE},
                   {&error, {"error.R", "error.G", "error.B"}, c->runs > 0}};
     if (c->runs > 0)
         error = error_image(c, 1.0f);

@@ -16,10 +16,26 @@ static void number(cJSON *object, const char *name, double value)
         cJSON_AddNullToObject(object, name);
 }
 
+/* Seeds need all of their 64 bits, more than a double has. */
+static void whole(cJSON *object, const char *name, uint64_t value)
+{
+    char text[24];
+    snprintf(text, sizeof text, "%llu", (unsigned long long)value);
+    cJSON_AddRawToObject(object, name, text);
+}
+
+/* The shortest decimal number, as it was given. */
+static void setting(cJSON *object, const char *name, float value)
+{
+    char text[32];
+    snprintf(text, sizeof text, "%.7g", (double)value);
+    number(object, name, strtod(text, NULL));
+}
+
 static void add_scene(cJSON *j, const comparison *c)
 {
     const settings *f = &c->view->settings;
-    const frame *m = &c->mode_frame;
+    const frame *m = comparison_frame(c);
     cJSON_AddStringToObject(j, "scene", c->view->scene->name);
     number(j, "triangles", (double)c->view->scene->triangle_count);
     number(j, "width", f->width);
@@ -28,16 +44,26 @@ static void add_scene(cJSON *j, const comparison *c)
     number(j, "lights", m->vpls + m->punctual + m->samples);
     number(j, "vpls", m->vpls);
     number(j, "punctual_lights", m->punctual);
-    number(j, "light_samples", m->samples);
+    number(j, "samples", m->samples);
+    number(j, "env_samples", f->env_samples);
+    number(j, "light_samples", f->light_samples);
     number(j, "eye_samples", (double)m->eye_samples);
     number(j, "threads", f->threads);
-    number(j, "seed", (double)f->seed);
-    cJSON_AddStringToObject(j, "mode", f->visibility == VISIBILITY_CACHE ? "cache" : "exact");
-    number(j, "ce", (double)f->ce);
-    number(j, "ce_delta", (double)f->ce_delta);
-    number(j, "ce_samples", (double)f->ce_samples);
+    whole(j, "seed", f->seed);
+    cJSON_AddStringToObject(j, "mode", visibility_names[f->visibility]);
+    setting(j, "ce", f->ce);
+    setting(j, "ce_delta", f->ce_delta);
+    setting(j, "ce_samples", f->ce_samples);
+    number(j, "cn", f->cache.normal_bins);
+    number(j, "cz", f->cache.layers);
+    setting(j, "cr", f->cache.resolution_step);
+    number(j, "refine", f->cache.levels);
+    cJSON_AddStringToObject(j, "hash", hash_names[f->cache.hash]);
+    cJSON_AddStringToObject(j, "store", store_names[f->words]);
+    cJSON_AddBoolToObject(j, "shared", f->shared);
+    number(j, "cache_mb", (double)(f->cache.table_bytes >> 20));
     number(j, "runs", c->runs);
-    cJSON_AddBoolToObject(j, "complete", m->complete);
+    cJSON_AddBoolToObject(j, "complete", m->complete && (c->runs > 0 || !frame_begun(&c->exact_frame)));
 }
 
 static bool text_save(const char *path, const char *text, message *err)
@@ -54,7 +80,6 @@ bool comparison_json(const comparison *c, const char *path, message *err)
     const frame *m = &c->mode_frame;
     cJSON *j = cJSON_CreateObject();
     add_scene(j, c);
-    times t = comparison_median(c->mode, c->runs ? c->runs : 1);
     if (c->runs) {
         times exact = comparison_median(c->exact, c->runs);
         cJSON *e = cJSON_AddObjectToObject(j, "exact");
@@ -62,13 +87,16 @@ bool comparison_json(const comparison *c, const char *path, message *err)
         number(e, "shade_s", exact.shade_s);
         number(e, "rays", (double)c->exact_frame.rays.traced);
     }
-    cJSON *run = cJSON_AddObjectToObject(j, "mode_run");
-    number(run, "frame_s", t.frame_s);
-    number(run, "shade_s", t.shade_s);
-    number(run, "lights_s", m->lights_s);
-    number(run, "rays_asked", (double)m->rays.asked);
-    number(run, "rays_traced", (double)m->rays.traced);
-    number(run, "cache_bytes", (double)m->cache_bytes);
+    if (frame_begun(m)) {
+        times t = c->runs ? comparison_median(c->mode, c->runs) : (times){m->frame_s, m->shade_s};
+        cJSON *run = cJSON_AddObjectToObject(j, "mode_run");
+        number(run, "frame_s", t.frame_s);
+        number(run, "shade_s", t.shade_s);
+        number(run, "lights_s", m->lights_s);
+        number(run, "rays_asked", (double)m->rays.asked);
+        number(run, "rays_traced", (double)m->rays.traced);
+        number(run, "cache_bytes", (double)m->cache_bytes);
+    }
     if (c->runs) {
         cJSON *error = cJSON_AddObjectToObject(j, "error");
         number(error, "l_inf", c->lit.l_inf);

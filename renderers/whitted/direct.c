@@ -126,3 +126,13 @@ rgb direct_material_sample(const view *v, const eye_sample *e)
     float rival = (float)v->settings.env_samples * environment_pdf(v->scene->environment, wi);
     return v3_scale(v3_mul(weight, environment_radiance(v->scene->environment, wi)), pdf / (pdf + rival));
 }
+
+void direct_order(const view *v, const eye_sample *e, uint32_t count, uint16_t *order)
+{
+    rng r = rng_make(v->settings.seed ^ 0x6f72646572u, e->random);
+    for (uint32_t i = 0; i < count; i++) { /* Fisher-Yates from the inside out */
+        uint32_t k = (uint32_t)((uint64_t)rng_u32(&r) * (i + 1) >> 32);
+        order[i] = order[k];
+        order[k] = (uint16_t)i;
+    }
+}

@@ -2,9 +2,8 @@
 /* Whitted-style eye paths into a deep buffer: through mirrors and glass to the surfaces that are lit. */
 #include "whitted.h"
 
+#include "../common/interrupt.h"
 #include "../../halton/halton.h"
-
-#include <string.h>
 
 /* A branch that brings less than this to its pixel is not followed. */
 static const float weight_min = 0.005f;
@@ -72,16 +71,15 @@ static float fraction(float x)
     return x - floorf(x);
 }
 
-void eye_paths(const view *v, tile t, eye_samples *out, tile_pixels *pixels)
+void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, tile_pixels *pixels)
 {
     const settings *f = &v->settings;
     vec3 right = v3_cross(v->camera.forward, v->camera.up);
     float height = 2.0f * tanf(0.5f * v->camera.yfov), pixel = height / (float)f->height;
     eye_samples late = {0};
-    memset(pixels, 0, sizeof *pixels);
     out->count = 0;
     path p = {.view = v, .first = out, .late = &late, .pixels = pixels, .share = 1.0f / (float)f->spp};
-    for (uint64_t code = 0; code < (uint64_t)TILE * TILE; code++) {
+    for (uint64_t code = 0; code < (uint64_t)TILE * TILE && !interrupted(); code++) {
         uint32_t x, y;
         halton_morton_decode(code, &x, &y);
         if (x >= t.width || y >= t.height)
@@ -90,7 +88,7 @@ void eye_paths(const view *v, tile t, eye_samples *out, tile_pixels *pixels)
         uint64_t index = (uint64_t)(t.y + y) * f->width + t.x + x;
         rng shift = rng_make(f->seed, index);
         float shift_x = rng_float(&shift), shift_y = rng_float(&shift);
-        for (int i = 0; i < f->spp; i++) {
+        for (int i = first; i < first + count; i++) {
             /* Halton points, shifted at random in each pixel; one sample alone stands in the middle. */
             float u = 0.5f, w = 0.5f;
             if (f->spp > 1) {

@@ -31,6 +31,7 @@ typedef struct job {
     station *stations;
     tile *tiles;
     size_t tile_count;
+    int passes; /* of a tile */
     uint32_t rank[TILE * TILE]; /* of a pixel in Halton order */
     truth *record;
     const truth *check;
@@ -154,19 +155,14 @@ static void prepare_station(job *j, station *s)
     s->ready = true;
 }
 
-static void render_tile(void *context, int thread, size_t index)
+/* Lights the eye samples of one pass over a tile. */
+static void light_samples(job *j, station *s, size_t pass)
 {
-    job *j = context;
-    station *s = &j->stations[thread];
-    if (!s->ready)
-        prepare_station(j, s);
-    tile t = j->tiles[index];
-    eye_paths(j->v, t, &s->samples, &s->pixels);
     double start = now();
     sort_samples(j, s);
     if (j->record)
-        j->record->tiles[t.index] = xcalloc(s->samples.count * row_words(&s->chunk) + 1, sizeof(uint64_t));
-    for (size_t i = 0; i < s->samples.count; i += CHUNK) {
+        j->record->passes[pass] = xcalloc(s->samples.count * row_words(&s->chunk) + 1, sizeof(uint64_t));
+    for (size_t i = 0; i < s->samples.count && !interrupted(); i += CHUNK) {
         chunk *c = &s->chunk;
         c->count = s->samples.count - i < CHUNK ? (uint32_t)(s->samples.count - i) : CHUNK;
         for (uint32_t e = 0; e < c->count; e++)
@@ -175,12 +171,28 @@ static void render_tile(void *context, int thread, size_t index)
         visibility_resolve(s->visibility, c, &s->pixels);
         shade_sum(j->vpls, c, &s->pixels);
         if (j->record)
-            record_truth(s, i, j->record->tiles[t.index]);
-        if (j->check && j->check->tiles[t.index])
-            check_truth(s, i, j->check->tiles[t.index]);
+            record_truth(s, i, j->record->passes[pass]);
+        if (j->check && j->check->passes[pass])
+            check_truth(s, i, j->check->passes[pass]);
     }
     s->shade_s += now() - start;
     s->sample_count += s->samples.count;
+}
+
+static void render_tile(void *context, int thread, size_t index)
+{
+    job *j = context;
+    station *s = &j->stations[thread];
+    if (!s->ready)
+        prepare_station(j, s);
+    tile t = j->tiles[index];
+    int spp = j->v->settings.spp;
+    memset(&s->pixels, 0, sizeof s->pixels);
+    for (int pass = 0; pass < j->passes && !interrupted(); pass++) {
+        int first = pass * PASS, count = spp - first < PASS ? spp - first : PASS;
+        eye_paths(j->v, t, first, count, &s->samples, &s->pixels);
+        light_samples(j, s, (size_t)t.index * (size_t)j->passes + (size_t)pass);
+    }
     copy_out(j, t, &s->pixels);
     progress_add(j->progress, (uint64_t)t.width * t.height);
 }
@@ -206,6 +218,11 @@ static void allocate(const settings *f, frame *out)
     out->traced_share = xcalloc((size_t)f->width * f->height, sizeof *out->traced_share);
 }
 
+uint64_t frame_bytes(const settings *f)
+{
+    return (uint64_t)f->width * f->height * (5 * sizeof(rgb) + 2 * sizeof(float));
+}
+
 bool frame_render(const view *v, const char *title, bool quiet, truth *record, const truth *check, frame *out,
                   message *err)
 {
@@ -224,9 +241,10 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     int threads = parallel_thread_count(f->threads);
     j.stations = xcalloc((size_t)threads, sizeof *j.stations);
     j.tiles = tiles_new(f, &j.tile_count);
+    j.passes = (f->spp + PASS - 1) / PASS;
     if (record) {
-        record->tile_count = j.tile_count;
-        record->tiles = xcalloc(j.tile_count, sizeof *record->tiles);
+        record->pass_count = j.tile_count * (size_t)j.passes;
+        record->passes = xcalloc(record->pass_count, sizeof *record->passes);
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
     double ce = f->visibility == VISIBILITY_CACHE ? (double)f->ce / sqrt(f->spp) : 1.0;
@@ -277,8 +295,8 @@ void frame_free(frame *f)
 
 void truth_free(truth *t)
 {
-    for (size_t i = 0; i < t->tile_count; i++)
-        free(t->tiles[i]);
-    free(t->tiles);
+    for (size_t i = 0; i < t->pass_count; i++)
+        free(t->passes[i]);
+    free(t->passes);
     memset(t, 0, sizeof *t);
 }

@@ -12,27 +12,26 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static const char *const visibility_names[] = {"exact", "cache", NULL};
-static const char *const store_names[] = {"rows", "words", NULL};
-static const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
-
 typedef struct arguments {
     const char *scene, *env, *json, *picture;
     option_size size;
     option_list outputs;
-    float look[7];
-    int camera, visibility, store, hash, cache_mb, runs;
+    float look[7]; /* the last is NaN where it is not given */
+    int camera, visibility, store, hash, cache_mb;
+    int runs; /* 0: not given */
     bool compare, half, tiles, quiet, shared;
     settings settings;
 } arguments;
 
+/* -1: what suits the other settings. */
 static arguments defaults(void)
 {
-    arguments a = {.scene = "atrium", .size = {640, 360}, .visibility = VISIBILITY_CACHE, .cache_mb = 4, .runs = 1};
+    arguments a = {.scene = "atrium", .size = {640, 360}, .visibility = VISIBILITY_CACHE, .cache_mb = 4};
+    a.look[6] = NAN;
     settings *s = &a.settings;
     s->spp = 1;
     s->vpls = 1024;
-    s->env_samples = s->light_samples = 16;
+    s->env_samples = s->light_samples = -1;
     s->ce = 8.0f;
     s->ce_delta = -1.0f;
     s->cache = vcache_default_config();
@@ -51,19 +50,20 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "env", .kind = OPTION_STRING, .value = &a->env, .metavar = "FILE",
          .help = "environment map (.hdr, .exr) in place of the scene's"},
         {.name = "env-samples", .kind = OPTION_INT, .value = &s->env_samples, .min = 0, .max = 4096,
-         .help = "environment samples per eye path"},
+         .shown = "8 / sqrt(spp)", .help = "environment samples per eye path"},
         {.name = "light-samples", .kind = OPTION_INT, .value = &s->light_samples, .min = 0, .max = 4096,
-         .help = "samples of emissive surfaces per eye path"},
+         .shown = "8 / sqrt(spp)", .help = "samples of emissive surfaces per eye path"},
         {.name = "camera", .kind = OPTION_INT, .value = &a->camera, .min = 0, .max = 65535, .metavar = "I",
          .help = "camera of the scene, from 0"},
         {.name = "look", .kind = OPTION_FLOATS, .value = a->look, .count = 7, .min = -3e38, .max = 3e38,
-         .metavar = "EX,EY,EZ,AX,AY,AZ,FOV", .help = "camera at E that looks at A, vertical FOV in degrees"},
+         .shown = "", .metavar = "EX,EY,EZ,AX,AY,AZ,FOV",
+         .help = "camera at E that looks at A, vertical FOV in degrees"},
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
          .help = "how shadows are decided"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
          .help = "C_E of virtual point lights: cell size in eye samples a side"},
-        {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = -1, .max = 10000, .metavar = "X",
-         .help = "C_E of point, spot, directional lights; 0: traced; -1: a pixel"},
+        {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = 0, .max = 10000, .metavar = "X",
+         .shown = "a pixel; 0 if few", .help = "C_E of punctual lights; 0: they are traced"},
         {.name = "ce-samples", .kind = OPTION_FLOAT, .value = &s->ce_samples, .min = 0, .max = 10000, .metavar = "X",
          .help = "C_E of area and environment samples; 0: they are traced"},
         {.name = "cn", .kind = OPTION_INT, .value = &c->normal_bins, .min = 1, .max = 64,
@@ -82,7 +82,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "hash", .kind = OPTION_CHOICE, .value = &a->hash, .choices = hash_names, .help = "hash family"},
         {.name = "compare", .kind = OPTION_FLAG, .value = &a->compare,
          .help = "render exactly as well and print times and errors"},
-        {.name = "runs", .kind = OPTION_INT, .value = &a->runs, .min = 1, .max = RUNS_MAX,
+        {.name = "runs", .kind = OPTION_INT, .value = &a->runs, .min = 1, .max = RUNS_MAX, .shown = "1",
          .help = "pairs of timed frames with --compare (medians)"},
         {.name = "threads", .kind = OPTION_INT, .value = &s->threads, .min = 0, .max = PARALLEL_MAX_THREADS,
          .help = "threads, 0 for one per CPU"},
@@ -110,10 +110,10 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->visibility = (visibility_mode)a->visibility;
     s->shared = a->shared;
     s->words = a->store == 1;
-    /* Hard shadows show every cell that is larger than a pixel; at one sample per pixel there is nothing to share. */
-    if (s->ce_delta < 0.0f)
-        s->ce_delta = s->spp > 1 ? sqrtf((float)s->spp) : 0.0f;
-    c->hash = (vcache_hash)a->hash;
+    int samples = (int)ceilf(8.0f / sqrtf((float)s->spp));
+    s->env_samples = s->env_samples < 0 ? samples : s->env_samples;
+    s->light_samples = s->light_samples < 0 ? samples : s->light_samples;
+    c->hash = (vcache_hash)a->hash; /* in the order of hash_names */
     c->table_bytes = (uint64_t)a->cache_mb << 20;
     return status;
 }
@@ -134,34 +134,81 @@ static bool check_target(const char *path, message *err)
     return true;
 }
 
-static bool ends_with(const char *text, const char *end)
+/* What no scene and no folder could put right. */
+static bool check_usage(const arguments *a, message *err)
 {
-    size_t n = strlen(text), m = strlen(end);
-    return n > m && strcmp(text + n - m, end) == 0;
-}
-
-static bool check_arguments(const arguments *a, message *err)
-{
+    const char *targets[OPTION_LIST_MAX + 2];
+    int count = 0;
+    bool exr = false;
     for (int i = 0; i < a->outputs.count; i++) {
-        const char *path = a->outputs.items[i];
-        if (!ends_with(path, ".exr") && !ends_with(path, ".png"))
+        const char *path = targets[count++] = a->outputs.items[i];
+        exr = exr || has_extension(path, ".exr");
+        if (!has_extension(path, ".exr") && !has_extension(path, ".png"))
             return fail(err, "%s: images are written as .exr or .png", path);
-        if (!check_target(path, err))
-            return false;
     }
+    if (a->picture && !has_extension(a->picture, ".png"))
+        return fail(err, "%s: the picture is written as .png", a->picture);
+    if (a->picture)
+        targets[count++] = a->picture;
+    if (a->json)
+        targets[count++] = a->json;
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k < i; k++)
+            if (strcmp(targets[i], targets[k]) == 0)
+                return fail(err, "%s: given twice as a file to write", targets[i]);
     if (a->picture && !a->compare)
         return fail(err, "--picture needs --compare");
-    if (a->picture && !ends_with(a->picture, ".png"))
-        return fail(err, "%s: the picture is written as .png", a->picture);
+    if (a->runs && !a->compare)
+        return fail(err, "--runs needs --compare");
+    if ((a->half || a->tiles) && !exr)
+        return fail(err, "%s needs an .exr file to write", a->half ? "--half" : "--tiles");
+    const float *l = a->look;
+    if (isnan(l[6]))
+        return true;
+    if (!(l[6] > 0.0f && l[6] < 180.0f))
+        return fail(err, "--look: the field of view must be between 0 and 180 degrees, not %g", (double)l[6]);
+    if (!(v3_length(v3_sub(v3(l[3], l[4], l[5]), v3(l[0], l[1], l[2]))) > 0.0f))
+        return fail(err, "--look: the camera stands where it looks at");
+    return true;
+}
+
+static bool check_targets(const arguments *a, message *err)
+{
+    for (int i = 0; i < a->outputs.count; i++)
+        if (!check_target(a->outputs.items[i], err))
+            return false;
     if (a->picture && !check_target(a->picture, err))
         return false;
     return !a->json || strcmp(a->json, "-") == 0 || check_target(a->json, err);
 }
 
+static bool check_memory(const arguments *a, message *err)
+{
+    double needed = (double)comparison_bytes(&a->settings, a->compare, a->runs), budget = (double)memory_budget();
+    return needed <= budget ||
+           fail(err, "--size %ux%u: the images need %.3g GiB, more than half of this machine's memory, %.3g GiB",
+                a->size.width, a->size.height, needed * 0x1p-30, budget * 0x1p-30);
+}
+
+/* A word that is neither the name of a built-in scene nor looks like a file. */
+static bool unknown_scene(const char *name, message *err)
+{
+    char names[128] = "";
+    for (size_t i = 0, used = 0; scene_builtin_names[i] && used < sizeof names; i++)
+        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i ? ", " : "", scene_builtin_names[i]);
+    const char *best = options_suggest(name, scene_builtin_names);
+    return fail(err, "%.100s: neither a file nor a built-in scene (%s)%s%s%s", name, names,
+                best ? "; did you mean '" : "", best ? best : "", best ? "'?" : "");
+}
+
 static bool load_scene(const arguments *a, scene **out, message *err)
 {
-    if (!scene_builtin(a->scene, out) && !scene_load(a->scene, out, err))
-        return false;
+    if (!scene_builtin(a->scene, out)) {
+        if (!strpbrk(a->scene, "./") && access(a->scene, F_OK) != 0)
+            return unknown_scene(a->scene, err);
+        if (!scene_load(a->scene, out, err))
+            return false;
+    }
     scene *s = *out;
     if (a->env) {
         environment_free(s->environment);
@@ -174,20 +221,23 @@ static bool load_scene(const arguments *a, scene **out, message *err)
 
 static bool choose_camera(const arguments *a, const scene *s, camera *out, message *err)
 {
-    const float *l = a->look, not_given[7] = {0};
-    if (memcmp(l, not_given, sizeof not_given) != 0) {
-        vec3 eye = v3(l[0], l[1], l[2]), at = v3(l[3], l[4], l[5]);
-        if (!(l[6] > 0.0f && l[6] < 180.0f))
-            return fail(err, "--look: the field of view must be between 0 and 180 degrees, not %g", (double)l[6]);
-        if (!(v3_length(v3_sub(at, eye)) > 0.0f))
-            return fail(err, "--look: the camera stands where it looks at");
-        *out = camera_look(eye, at, v3(0, 1, 0), l[6] * PI_F / 180.0f);
+    const float *l = a->look;
+    if (!isnan(l[6])) {
+        *out = camera_look(v3(l[0], l[1], l[2]), v3(l[3], l[4], l[5]), v3(0, 1, 0), l[6] * PI_F / 180.0f);
         return true;
     }
     if ((uint32_t)a->camera >= s->camera_count)
         return fail(err, "--camera %d: the scene has %u, from 0", a->camera, s->camera_count);
     *out = s->cameras[a->camera];
     return true;
+}
+
+/* Hard shadows show every cell that is larger than a pixel. Where there is nothing to share in one, or their rays do
+ * not count beside the others, they are traced. */
+static float hard_shadow_ce(const scene *s, const settings *f)
+{
+    bool few = (uint64_t)64 * s->light_count <= (uint64_t)f->vpls;
+    return f->spp == 1 || few ? 0.0f : sqrtf((float)f->spp);
 }
 
 static bool write_files(const arguments *a, const comparison *c, message *err)
@@ -204,11 +254,16 @@ static bool write_files(const arguments *a, const comparison *c, message *err)
 static bool run(const arguments *a, view *v, message *err)
 {
     comparison c;
-    bool ok = a->compare ? comparison_run(v, a->runs, a->quiet, &c, err) : comparison_single(v, a->quiet, &c, err);
+    int runs = a->runs ? a->runs : 1;
+    bool ok = a->compare ? comparison_run(v, runs, a->quiet, &c, err) : comparison_single(v, a->quiet, &c, err);
     if (ok) {
         if (!a->quiet)
             comparison_print(&c, a->json && strcmp(a->json, "-") == 0 ? stderr : stdout);
-        if (!c.mode_frame.complete)
+        if (a->compare && c.runs == 0)
+            notice("interrupted: no pair of frames to compare; the image is a part of one");
+        else if (a->compare && c.runs < runs)
+            notice("interrupted: %d of %d pairs of frames", c.runs, runs);
+        else if (!a->compare && !c.mode_frame.complete)
             notice("interrupted: image and figures are of a part of the frame");
         ok = write_files(a, &c, err);
     }
@@ -236,7 +291,10 @@ int main(int argc, char *argv[])
         fprintf(stderr, "%s\n", err.text);
         return 2;
     case OPTIONS_OK:
-        break;
+        if (check_usage(&a, &err))
+            break;
+        fprintf(stderr, "whitted: %s\n", err.text);
+        return 2;
     }
     notice_enable(!a.quiet);
     interrupt_install();
@@ -246,9 +304,11 @@ int main(int argc, char *argv[])
     scene *s = NULL;
     tracer *t = NULL;
     emitters *e = NULL;
-    bool ok = check_arguments(&a, &err) && load_scene(&a, &s, &err) && choose_camera(&a, s, &v.camera, &err) &&
-              tracer_create(s, v.settings.threads, &t, &err);
+    bool ok = check_memory(&a, &err) && check_targets(&a, &err) && load_scene(&a, &s, &err) &&
+              choose_camera(&a, s, &v.camera, &err) && tracer_create(s, v.settings.threads, &t, &err);
     if (ok) {
+        if (v.settings.ce_delta < 0.0f)
+            v.settings.ce_delta = hard_shadow_ce(s, &v.settings);
         e = emitters_new(s);
         v.scene = s;
         v.tracer = t;
@@ -266,5 +326,5 @@ int main(int argc, char *argv[])
     emitters_free(e);
     tracer_free(t);
     scene_free(s);
-    return !ok ? 1 : interrupted() ? 130 : 0;
+    return !ok ? 1 : interrupted() ? 128 + interrupt_signal() : 0;
 }

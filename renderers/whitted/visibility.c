@@ -15,7 +15,9 @@ struct visibility {
     ray_packet packet;
     /* cached */
     vcache_worker *worker;
-    vcache_light *sampled; /* [CHUNK][samples] */
+    vcache_light *sampled; /* [CHUNK][samples], in the order in which they ask */
+    uint16_t *order;       /* [CHUNK][samples]: which they are */
+    pair_bits ordered;     /* their bits */
     char *eyes; /* [CHUNK][3] */
     chunk *chunk;
     tile_pixels *pixels;
@@ -239,19 +241,44 @@ static void add_all(visibility *o, const vcache_eye *eye, const vcache_light *li
     }
 }
 
-static void prepare_sampled(visibility *o, const chunk *c, uint32_t e, vcache_light *out)
+/* Light samples come stratum by stratum. Of those in one cell the first to ask speaks for all, and it must not always
+ * be the one of the lowest stratum: each eye sample's ask in an order of their own. */
+static void add_sampled(visibility *o, const vcache_eye *eye, const chunk *c, uint32_t e)
 {
-    uint32_t n = c->bits[LIGHTS_SAMPLED].lights;
-    for (uint32_t i = 0; i < n; i++) {
-        const light_sample *s = &c->sampled[(size_t)e * n + i];
-        vcache_surface end = {.density = c->sampled_density[(size_t)e * n + i], .user = i};
+    const pair_bits *b = &c->bits[LIGHTS_SAMPLED];
+    size_t first = (size_t)e * b->lights, row = (size_t)e * b->words;
+    vcache_light *out = vcache_light_at(o->sampled, first);
+    uint16_t *order = o->order + first;
+    direct_order(o->view, c->eyes[e], b->lights, order);
+    memset(o->ordered.asked + row, 0, b->words * sizeof(uint64_t));
+    memset(o->ordered.visible + row, 0, b->words * sizeof(uint64_t));
+    for (uint32_t i = 0; i < b->lights; i++) {
+        uint32_t from = order[i];
+        if (!(b->asked[row + from / 64] >> from % 64 & 1u))
+            continue;
+        o->ordered.asked[row + i / 64] |= (uint64_t)1 << i % 64;
+        const light_sample *s = &c->sampled[first + from];
+        vcache_surface end = {.density = c->sampled_density[first + from], .user = i};
         vec3_store(end.position, s->target);
-        vec3_store(end.normal, c->sampled_normal[(size_t)e * n + i]);
+        vec3_store(end.normal, c->sampled_normal[first + from]);
         if (s->infinite)
             vcache_prepare_solid_angle(o->caches->table, end.position, end.density, i, vcache_light_at(out, i));
         else
             vcache_prepare_patch(o->caches->table, &end, vcache_light_at(out, i));
     }
+    add_all(o, eye, out, NULL, &o->ordered, e);
+}
+
+/* After the answers are there. */
+static void take_sampled(const visibility *o, chunk *c)
+{
+    const pair_bits *b = &c->bits[LIGHTS_SAMPLED];
+    for (uint32_t e = 0; e < c->count; e++)
+        for (uint32_t w = 0; w < b->words; w++)
+            for (uint64_t word = o->ordered.visible[(size_t)e * b->words + w]; word; word &= word - 1) {
+                uint32_t to = o->order[(size_t)e * b->lights + 64 * w + (uint32_t)__builtin_ctzll(word)];
+                b->visible[(size_t)e * b->words + to / 64] |= (uint64_t)1 << to % 64;
+            }
 }
 
 /* Eye ends of one sample, one for each C_E. */
@@ -289,9 +316,7 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
                 eye = eye_at(o, e, 1);
                 vcache_prepare_eye(o->caches->table, &end, f->ce_samples, 0, eye);
             }
-            vcache_light *lights = vcache_light_at(o->sampled, (size_t)e * c->bits[LIGHTS_SAMPLED].lights);
-            prepare_sampled(o, c, e, lights);
-            add_all(o, eye, lights, NULL, &c->bits[LIGHTS_SAMPLED], e);
+            add_sampled(o, eye, c, e);
         }
         if (c->bits[LIGHTS_PUNCTUAL].lights && f->ce_delta > 0.0f) {
             eye = eye_at(o, e, 2);
@@ -300,6 +325,8 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
         }
     }
     vcache_resolve(o->worker, trace_misses, o);
+    if (f->ce_samples > 0.0f)
+        take_sampled(o, c);
     vcache_statistics s = {.size = sizeof s};
     vcache_worker_statistics(o->worker, &s);
     o->counts.traced += s.traced;
@@ -325,7 +352,11 @@ visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *use
     if (!used)
         return o;
     o->eyes = xmalloc((size_t)3 * CHUNK * VCACHE_EYE_BYTES);
-    o->sampled = xmalloc(((size_t)CHUNK * direct_sample_count(v) + 1) * vcache_light_size());
+    uint32_t samples = direct_sample_count(v), words = (samples + 63) / 64;
+    o->sampled = xmalloc(((size_t)CHUNK * samples + 1) * vcache_light_size());
+    o->order = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *o->order);
+    o->ordered = (pair_bits){samples, words, xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t)),
+                             xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t))};
     if (vcache_worker_create(used->table, NULL, &o->worker, NULL) != VCACHE_OK)
         o->worker = xmalloc(SIZE_MAX);
     return o;
@@ -338,6 +369,9 @@ void visibility_free(visibility *o)
     vcache_worker_destroy(&o->worker);
     free(o->eyes);
     free(o->sampled);
+    free(o->order);
+    free(o->ordered.asked);
+    free(o->ordered.visible);
     free(o);
 }
 

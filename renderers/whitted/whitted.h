@@ -18,7 +18,12 @@
 
 #include <stdlib.h>
 
-enum { TILE = 32, GROUP = TRACER_PACKET, CHUNK = 64 };
+enum {
+    TILE = 32,
+    GROUP = TRACER_PACKET,
+    CHUNK = 64,
+    PASS = 64 /* eye paths per pixel that a tile keeps at a time: bounds the memory of a thread */
+};
 
 typedef enum visibility_mode { VISIBILITY_EXACT, VISIBILITY_CACHE } visibility_mode;
 
@@ -95,8 +100,10 @@ typedef struct eye_samples {
     size_t count, capacity;
 } eye_samples;
 
-/* Fills `out` in Morton order of the pixels (specular bounces behind all others): 16 in a row are coherent. */
-void eye_paths(const view *v, tile t, eye_samples *out, tile_pixels *pixels);
+/* Fills `out` with the eye paths first ... first + count - 1 of each pixel, in Morton order of the pixels (specular
+ * bounces behind all others): 16 in a row are coherent. Adds to `pixels`. Interrupted, it leaves out the pixels to
+ * come. */
+void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, tile_pixels *pixels);
 
 /* --------------------------------------------------------------------------------------------- light pairs (shade.c) */
 
@@ -145,6 +152,8 @@ float direct_spot(const light *l, vec3 direction);
  * by the material and traced, all weighted by the balance heuristic. */
 void direct_sample(const view *v, const eye_sample *e, light_sample *out, float *density, vec3 *normal);
 rgb direct_material_sample(const view *v, const eye_sample *e);
+/* Random order of the `count` samples of an eye sample. */
+void direct_order(const view *v, const eye_sample *e, uint32_t count, uint16_t *order);
 
 /* -------------------------------------------------------------------------------------- visibility (visibility.c) */
 
@@ -177,15 +186,17 @@ ray_counts visibility_counts(const visibility *o);
 
 /* Exact visibility of every pair of a frame, to count mispredictions with. */
 typedef struct truth {
-    uint64_t **tiles;
-    size_t tile_count;
+    uint64_t **passes; /* of a tile one behind the other; NULL: not recorded */
+    size_t pass_count;
 } truth;
 
 typedef struct frame {
     image seen, lit, image; /* image = seen + lit */
     image normal, cells;
     float *depth, *traced_share;
-    double frame_s, shade_s, lights_s; /* lights_s: part of frame_s that made the virtual point lights */
+    double frame_s;  /* all of it: virtual point lights, caches, eye paths, shading */
+    double shade_s;  /* part of frame_s spent on shading, mean of the threads */
+    double lights_s; /* part of frame_s that made the virtual point lights */
     ray_counts rays;
     uint64_t cache_bytes, mispredicted, eye_samples;
     uint32_t vpls, punctual, samples;
@@ -196,6 +207,8 @@ typedef struct frame {
 bool frame_render(const view *v, const char *title, bool quiet, truth *record, const truth *check, frame *out,
                   message *err);
 void frame_free(frame *f);
+/* Memory that the images of one frame take. */
+uint64_t frame_bytes(const settings *f);
 void truth_free(truth *t);
 
 #endif

@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# headers.sh SOURCE_ROOT LIBVCACHE LIBHALTON: public headers compile alone as C11 and C++17 without a warning; the
+# libraries export nothing but their own prefix and need libc alone. Prints TAP.
+set -u
+root=$1 n=0 bad=0
+folder=$(mktemp -d) || exit 1
+trap 'rm -rf "$folder"' EXIT
+
+report() { # STATUS WHAT
+    n=$((n + 1))
+    if [ "$1" -eq 0 ]; then echo "ok $n - $2"; else echo "not ok $n - $2"; bad=1; fi
+}
+
+for header in vcache/vcache.h halton/halton.h; do
+    echo "#include \"$header\"" >"$folder/alone.c"
+    cp "$folder/alone.c" "$folder/alone.cc"
+    for compiler in cc c++ clang clang++; do
+        if ! command -v $compiler >/dev/null; then
+            n=$((n + 1)); echo "ok $n - $header with $compiler # SKIP no $compiler"
+            continue
+        fi
+        case $compiler in *++) std=c++17 file=alone.cc ;; *) std=c11 file=alone.c ;; esac
+        $compiler -std=$std -Wall -Wextra -Wpedantic -Werror -I"$root" -c "$folder/$file" -o /dev/null
+        report $? "$header alone as $std with $compiler"
+    done
+done
+foreign() { nm -D --defined-only "$1" | awk -v p="$2" '$3 !~ "^" p && $3 !~ /^(_init|_fini|_edata|_end|__bss_start)$/ { print "# " $3; f = 1 } END { exit f }'; }
+foreign "$2" vcache_; report $? "libvcache exports vcache_ alone"
+foreign "$3" halton_; report $? "libhalton exports halton_ alone"
+needs() { readelf -d "$1" | awk '/NEEDED/ && $0 !~ /lib(c|m|asan|ubsan|tsan|gcc_s)\.so|ld-linux/ { print "#" $0; f = 1 } END { exit f }'; }
+needs "$2"; report $? "libvcache needs libc alone"
+needs "$3"; report $? "libhalton needs libc alone"
+echo "1..$n"
+exit $bad
