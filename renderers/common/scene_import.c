@@ -301,10 +301,7 @@ static scene *named_scene(const char *path)
     const char *slash = strrchr(path, '/'), *base = slash ? slash + 1 : path;
     char name[sizeof((scene *)0)->name];
     snprintf(name, sizeof name, "%.*s", (int)(strrchr(base, '.') - base), base);
-    scene *s = scene_new(name);
-    s->path = xmalloc(strlen(path) + 1);
-    strcpy(s->path, path);
-    return s;
+    return scene_new(name);
 }
 
 typedef enum format { FORMAT_UNKNOWN, FORMAT_GLTF, FORMAT_OBJ, FORMAT_PLY } format;
@@ -364,9 +361,12 @@ bool scene_load(const char *path, scene **out, message *err)
 import in = {.path = path, .s = named_scene(path), .is_gltf = kind == FORMAT_GLTF };
     bool ok = kind == FORMAT_PLY ? ply_read(path, in.s, err) : load_with_assimp(&in, err);
     gltf_facts_free(&in.facts);
-    if (ok)
-        *out = in.s;
-    else
+    if (!ok) {
         scene_free(in.s);
-    return ok;
+        return false;
+    }
+    size = strlen(path) + 1;
+    in.s->path = memcpy(xmalloc(size), path, size);
+    *out = in.s;
+    return true;
 }

@@ -30,7 +30,7 @@ typedef struct job {
     caches shared;
     station *stations;
     tile *tiles;
-    size_t tile_count;
+    size_t tile_count, stretch; /* tiles a task */
     int passes; /* of a tile */
     uint32_t rank[TILE * TILE]; /* of a pixel in Halton order */
     truth *record;
@@ -197,6 +197,24 @@ static void render_tile(void *context, int thread, size_t index)
     progress_add(j->progress, (uint64_t)t.width * t.height);
 }
 
+/* Tasks are squares of tiles: cells on the border of two threads' tiles are traced by both. Enough tasks must be left to
+ * keep all threads busy to the end. */
+static size_t stretch_of(size_t tiles, int threads)
+{
+    size_t stretch = 1;
+    while (stretch < 64 && tiles / (4 * stretch) >= 24 * (size_t)threads)
+        stretch *= 4;
+    return threads > 1 ? stretch : 1;
+}
+
+static void render_stretch(void *context, int thread, size_t index)
+{
+    job *j = context;
+    size_t end = (index + 1) * j->stretch < j->tile_count ? (index + 1) * j->stretch : j->tile_count;
+    for (size_t i = index * j->stretch; i < end && !interrupted(); i++)
+        render_tile(j, thread, i);
+}
+
 static bool make_caches(job *j, int threads, message *err)
 {
     bool shared = j->v->settings.shared;
@@ -255,7 +273,8 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     bool ok = f->visibility == VISIBILITY_EXACT || make_caches(&j, threads, err);
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
-        parallel_for(f->threads, j.tile_count, render_tile, &j);
+        j.stretch = stretch_of(j.tile_count, threads);
+        parallel_for(f->threads, (j.tile_count + j.stretch - 1) / j.stretch, render_stretch, &j);
         out->frame_s = now() - start;
         out->complete = !interrupted();
         progress_free(j.progress);
