@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Whole frames, exact against cached, on the real scenes: prints a Markdown table and keeps the raw figures as CSV.
+"""Whole frames, exact against cached, on the real scenes: prints a Markdown table and keeps the figures as CSV.
 
     python3 bench/table.py [--scenes FOLDER] [--runs N] [--readme README.md]
 
@@ -50,6 +50,7 @@ def main():
     if not scenes:
         sys.exit(f"{arguments.scenes}: none of {', '.join(SCENES)} found")
 
+    os.makedirs(os.path.dirname(os.path.abspath(arguments.csv)), exist_ok=True)
     rows = [measure(arguments, s, *setting) for setting in SETTINGS for s in scenes]
     with open(arguments.csv, "w", newline="") as out:
         writer = csv.DictWriter(out, COLUMNS)

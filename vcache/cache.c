@@ -136,7 +136,8 @@ static void measure(vcache *c)
     }
 
     /* A layer must stay 4 ulp of the largest coordinate thick. */
-    double finest = c->diameter / (4.0 * f->layers * largest * 0x1p-23);
+    double finest = c->diameter / (4.0 * f->layers * largest * 0x1p-23), cap = 0x1p25 / f->layers;
+    finest = finest < cap ? finest : cap; /* infinity in a scene of one point at the origin */
     c->step_limit = 0;
     while (c->step_limit + 1 < count && c->power[c->step_limit + 1] <= finest)
         c->step_limit++;

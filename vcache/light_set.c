@@ -138,7 +138,8 @@ static uint64_t near_lights(const vcache_eye *eye, const vcache_light_set *set, 
     for (int i = 0; i < 64; i += 8) {
         /* eight 0/1 bytes to eight bits */
         uint64_t eight = 0;
-        memcpy(&eight, near + i, 8);
+        for (int k = 0; k < 8; k++)
+            eight |= (uint64_t)near[i + k] << 8 * k;
         bits |= (eight * 0x0102040810204080u >> 56) << i;
     }
     return bits;

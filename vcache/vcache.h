@@ -79,8 +79,9 @@ typedef struct vcache_allocator {
 typedef struct vcache_config {
     size_t size;                        /* sizeof(vcache_config), set by vcache_default_config */
     float bounds_min[3], bounds_max[3]; /* of everything that ends lie on; finite, min <= max. Default: a unit cube */
-    int32_t normal_bins;                /* C_N, 1 ... 64, default 8: bins of the normal per axis (1: one orientation) */
-    int32_t layers;                     /* C_Z, 1 ... 64, default 8: layers per cell side along the normal */
+    int32_t normal_bins;        /* C_N, 1 ... 64, default 8: bins of the normal per axis (1: one orientation); an
+                                    odd number serves: 8 stands for 9, in whose middle the axes lie */
+    int32_t layers;             /* C_Z, 1 ... 64, default 8: layers per cell side along the normal */
     float resolution_step;      /* C_R, 1.05 ... 16, default 1.2: ratio of successive grid resolutions (Eq. 8) */
     int32_t levels;             /* C_MSR, 0 ... VCACHE_MAX_LEVELS, default 0: log2 C_E. 1: no refinement */
     uint64_t table_bytes;       /* 4 ... 16 GiB, default 4 MiB: rounded down to whole 32-bit words */
@@ -245,7 +246,9 @@ VCACHE_API uint32_t vcache_add_set(vcache_worker *worker, const vcache_eye *eye,
 VCACHE_API bool vcache_add_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light, uint64_t *visible,
                                     uint32_t bit);
 
-/* The rays to trace now, each pair of cells once; valid until the next call with this worker. 0: all is answered. */
+/* The rays to trace now, each pair of cells once; valid until the next call with this worker, which must be
+ * vcache_commit or vcache_cancel: adding pairs in between would change the list that the answers belong to. 0: all is
+ * answered. */
 VCACHE_API size_t vcache_misses(vcache_worker *worker, const vcache_miss **misses);
 
 /* Answers for all of these rays, in their order. Pairs that waited for the same cells are looked up again and may give
@@ -281,7 +284,8 @@ typedef struct vcache_statistics {
                                          be quantized, exact mode) */
     uint64_t once;                    /* of these: answers that were not to be stored */
     uint64_t stored;                  /* words written */
-    uint64_t overwritten;             /* of these: words that held something else, or something older than a clear */
+    uint64_t overwritten;             /* of these: words that held something else, or something older than a clear; of
+                                         light sets: rows replaced (`stored` counts their bits) */
     uint64_t hits[VCACHE_MAX_LEVELS]; /* pairs answered by the table, by level */
     uint32_t hit_levels;              /* mask of the levels that have hits */
 } vcache_statistics;

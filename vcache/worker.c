@@ -86,6 +86,12 @@ void vcache_worker_destroy(vcache_worker **worker)
 
 /* ----------------------------------------------------------------------------------------------------- the batch */
 
+/* What a claim is made on: bundled lights of one cell share a key, but have a word each. */
+static uint64_t claim_id(place at)
+{
+    return at.key ^ at.slot * 0x9e3779b97f4a7c15u;
+}
+
 /* The claim on `key` in this round, or the free place for it. */
 static claim *find_claim(vcache_worker *w, uint64_t key)
 {
@@ -130,13 +136,14 @@ void worker_add_miss(vcache_worker *w, const pair *p, place at)
 
 void worker_ask(vcache_worker *w, const pair *p, place at)
 {
-    claim *c = find_claim(w, at.key);
+    uint64_t id = claim_id(at);
+    claim *c = find_claim(w, id);
     if (c->round != w->round || p->alone) {
-        *c = (claim){at.key, w->round, false};
+        *c = (claim){id, w->round, false};
         worker_add_miss(w, p, at);
     } else {
         w->waiting[w->waiting_count] = *p;
-        w->waiting_keys[w->waiting_count++] = at.key;
+        w->waiting_keys[w->waiting_count++] = id;
     }
 }
 
@@ -201,7 +208,7 @@ void vcache_commit(vcache_worker *w, const vcache_answer *answers)
         if (answers[i] & VCACHE_ONCE) {
             w->statistics.once++;
             if (p->level != NO_LEVEL)
-                find_claim(w, w->places[i].key)->once = once = true;
+                find_claim(w, claim_id(w->places[i]))->once = once = true;
         } else if (p->level != NO_LEVEL && !p->set)
             table_write(w, w->places[i], answers[i] & VCACHE_VISIBLE);
     }

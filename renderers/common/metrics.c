@@ -102,7 +102,7 @@ image_error image_compare(const image *test, const image *reference)
 
 image image_difference(const image *test, const image *reference, float scale)
 {
-    const rgb none = {0.18f, 0.18f, 0.18f}, full = {1.0f, 0.0f, 0.0f};
+    const rgb none = {0.05f, 0.05f, 0.05f}, full = {1.0f, 0.0f, 0.0f};
     uint32_t width = test->width < reference->width ? test->width : reference->width;
     uint32_t height = test->height < reference->height ? test->height : reference->height;
     image out = image_new(width, height);

@@ -216,20 +216,30 @@ void comparison_print(const comparison *c, FILE *out)
 
 /* ------------------------------------------------------------------------------------------------------- files */
 
-static image error_image(const comparison *c, float scale)
+/* Mode - exact, for the .exr. */
+static image signed_error(const comparison *c)
 {
-    return image_difference(&c->mode_frame.image, &c->exact_frame.image, scale);
+    const image *test = &c->mode_frame.image, *reference = &c->exact_frame.image;
+    image out = image_new(test->width, test->height);
+    for (size_t i = 0; i < (size_t)out.width * out.height; i++)
+        out.pixels[i] = v3_sub(test->pixels[i], reference->pixels[i]);
+    return out;
+}
+
+/* Emitters and sky may blow out; what is lit must be seen. */
+static float exposure_of(const frame *f)
+{
+    return image_exposure(&f->lit);
 }
 
 bool comparison_picture(const comparison *c, const char *path, message *err)
 {
-    float exposure = image_exposure(&c->exact_frame.image);
-    image error = error_image(c, 8.0f);
-    image copies[2] = {{0}}, side;
-    const image *from[2] = {&c->exact_frame.image, &c->mode_frame.image}, *three[3] = {&copies[0], &copies[1], &error};
-    for (int i = 0; i < 2; i++)
-        copies[i] = *from[i];
-    side = image_side_by_side(three, 3);
+    float exposure = exposure_of(&c->exact_frame);
+    image error = image_difference(&c->mode_frame.image, &c->exact_frame.image, 8.0f * exposure);
+    for (size_t i = 0; i < (size_t)error.width * error.height; i++)
+        error.pixels[i] = v3_scale(error.pixels[i], 1.0f / exposure); /* its colours are final */
+    const image *three[3] = {&c->exact_frame.image, &c->mode_frame.image, &error};
+    image side = image_side_by_side(three, 3);
     bool ok = png_save(path, &side, exposure, NULL, 0, err);
     image_free(&error);
     image_free(&side);
@@ -304,7 +314,7 @@ bool comparison_save(const comparison *c, const char *path, exr_options options,
     texts t;
     describe(c, &t);
     if (has_extension(path, ".png"))
-        return png_save(path, &m->image, image_exposure(&m->image), t.items, (size_t)t.count, err);
+        return png_save(path, &m->image, exposure_of(m), t.items, (size_t)t.count, err);
 
     exr_channel channels[16];
     size_t n = 0;
@@ -318,7 +328,7 @@ bool comparison_save(const comparison *c, const char *path, exr_options options,
                   {&m->cells, {"cell.R", "cell.G", "cell.B"}, m == &c->mode_frame && f->visibility == VISIBILITY_CACHE},
                   {&error, {"error.R", "error.G", "error.B"}, c->runs > 0}};
     if (c->runs > 0)
-        error = error_image(c, 1.0f);
+        error = signed_error(c);
     for (size_t i = 0; i < sizeof layers / sizeof *layers; i++)
         for (int k = 0; k < 3 && layers[i].wanted; k++)
             channels[n++] = (exr_channel){layers[i].names[k], &layers[i].image->pixels[0].x + k, 3};
