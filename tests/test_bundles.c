@@ -169,6 +169,40 @@ static void undone(void **state)
     }
 }
 
+/* Lights of one light cell have one key, but in a bundle a word each: they must not wait for each other in turn. */
+static void one_cell_is_one_round(void **state)
+{
+    (void)state;
+    enum { COUNT = 200 };
+    vcache_config config = vcache_default_config();
+    vcache *c = make_cache(&config);
+    vcache_worker *w = make_worker(c, 4096, false);
+    vcache_surface s = {.normal = {0.0f, 0.0f, 1.0f}, .density = 100.0f};
+    vcache_eye *eye = make_eye(c, &s, 4.0f, 0);
+    vcache_light lights[COUNT];
+    uint64_t seed = 11, visible[4] = {0};
+    for (int i = 0; i < COUNT; i++) {
+        float d[3];
+        random_direction(&seed, d);
+        vcache_prepare_solid_angle(c, d, 1e-3f, (uint64_t)i, &lights[i]);
+    }
+    vcache_bundle_lights(c, lights, COUNT);
+    assert_int_equal(vcache_add(w, eye, lights, 0, COUNT, NULL, visible), COUNT);
+    int rounds = 0;
+    const vcache_miss *misses;
+    for (size_t n; (n = vcache_misses(w, &misses)) > 0; rounds++) {
+        vcache_answer answers[COUNT];
+        memset(answers, VCACHE_VISIBLE, n);
+        vcache_commit(w, answers);
+    }
+    assert_int_equal(rounds, 1);
+    for (int i = 0; i < COUNT; i++)
+        assert_true(visible[i / 64] >> i % 64 & 1);
+    free(eye);
+    vcache_worker_destroy(&w);
+    vcache_destroy(&c);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -176,6 +210,7 @@ int main(void)
         cmocka_unit_test(answers_stay),
         cmocka_unit_test(small_tables),
         cmocka_unit_test(undone),
+        cmocka_unit_test(one_cell_is_one_round),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

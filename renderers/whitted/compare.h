@@ -27,7 +27,8 @@ typedef struct comparison {
 /* Names of the values of settings, NULL-terminated. */
 extern const char *const visibility_names[], *const store_names[], *const hash_names[];
 
-/* Renders `runs` pairs exact, mode, exact, mode ... with the same samples, after one pair to warm up where runs > 1.
+/* Renders `runs` pairs exact, mode, exact, mode ... with the same samples, after a pair to warm up (a small one where
+ * runs is 1).
  * Stops early, with the pairs that it has, when interrupted; the pair that warms up counts if there is no other. */
 bool comparison_run(const view *v, int runs, bool quiet, comparison *out, message *err);
 /* The chosen visibility alone. */

@@ -131,7 +131,7 @@ static vcache_light *virtual_ends(const vpl_set *vpls, const vcache *cache)
     vcache_light *ends = xmalloc((vpls->count + 1) * vcache_light_size());
     for (uint32_t i = 0; i < vpls->count; i++) {
         vcache_surface s = {.position = {vpls->x[i], vpls->y[i], vpls->z[i]},
-                            .normal = {vpls->nx[i], vpls->ny[i], vpls->nz[i]},
+                            .normal = {vpls->gx[i], vpls->gy[i], vpls->gz[i]},
                             .density = vpls->density[i],
                             .user = i};
         vcache_prepare_patch(cache, &s, vcache_light_at(ends, i));

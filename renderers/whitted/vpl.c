@@ -28,7 +28,7 @@ static const float clamp_radius = 0.05f;
 static const float floor_share = 0.05f; /* of the weight, spread evenly over all candidates */
 
 typedef struct candidate {
-    vec3 position, normal;
+    vec3 position, normal, geometric;
     rgb power; /* W / sr along the normal */
     float weight;
 } candidate;
@@ -223,7 +223,7 @@ static void light_path(const job *j, uint64_t index, candidates *out)
             return;
         rgb albedo = material_diffuse_albedo(&s);
         if (v3_max_component(albedo) > 0.0f) {
-            candidate c = {.position = surface_offset(&s, s.geometric_normal), .normal = s.normal,
+            candidate c = {.position = surface_offset(&s, s.geometric_normal), .normal = s.normal, .geometric = s.geometric_normal,
                            .power = v3_scale(v3_mul(flux, albedo), 1.0f / PI_F)};
             c.weight = weigh(j, &c);
             push(out, c);
@@ -376,13 +376,14 @@ static vpl_set pack(const candidates *c, uint64_t paths, float clamp)
 {
     vpl_set l = {.count = (uint32_t)c->count, .clamp = clamp};
     l.padded = (l.count + 63) / 64 * 64;
-    float **arrays[] = {&l.x, &l.y, &l.z, &l.nx, &l.ny, &l.nz, &l.r, &l.g, &l.b, &l.density};
+    float **arrays[] = {&l.x, &l.y, &l.z, &l.nx, &l.ny, &l.nz, &l.gx, &l.gy, &l.gz, &l.r, &l.g, &l.b, &l.density};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
         *arrays[i] = xcalloc(l.padded + 1, sizeof(float));
     for (uint32_t i = 0; i < l.count; i++) {
         const candidate *k = &c->items[i];
         l.x[i] = k->position.x, l.y[i] = k->position.y, l.z[i] = k->position.z;
         l.nx[i] = k->normal.x, l.ny[i] = k->normal.y, l.nz[i] = k->normal.z;
+        l.gx[i] = k->geometric.x, l.gy[i] = k->geometric.y, l.gz[i] = k->geometric.z;
         rgb power = v3_scale(k->power, 1.0f / (float)paths);
         l.r[i] = power.x, l.g[i] = power.y, l.b[i] = power.z;
     }
@@ -418,7 +419,7 @@ vpl_set vpls_new(const view *v)
 
 void vpls_free(vpl_set *l)
 {
-    float *arrays[] = {l->x, l->y, l->z, l->nx, l->ny, l->nz, l->r, l->g, l->b, l->density};
+    float *arrays[] = {l->x, l->y, l->z, l->nx, l->ny, l->nz, l->gx, l->gy, l->gz, l->r, l->g, l->b, l->density};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
         free(arrays[i]);
     memset(l, 0, sizeof *l);

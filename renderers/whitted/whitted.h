@@ -49,7 +49,8 @@ typedef struct settings {
 typedef struct vpl_set {
     uint32_t count, padded;
     float *x, *y, *z;    /* position, off its surface */
-    float *nx, *ny, *nz; /* unit normal */
+    float *nx, *ny, *nz; /* unit shading normal: what it emits around */
+    float *gx, *gy, *gz; /* unit geometric normal: what it is quantized by */
     float *r, *g, *b;    /* exitant radiance times area: W / sr along the normal */
     float *density;      /* of virtual point lights per unit area around it */
     float clamp;         /* squared distances below this count as this in the geometric term */
