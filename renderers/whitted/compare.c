@@ -125,7 +125,8 @@ bool comparison_run(const view *v, int runs, bool quiet, comparison *out, messag
         notice("too many pairs to keep a record of: mispredictions are not counted");
     if (runs == 1)
         ok = warm_up(v, quiet, err);
-    for (int i = runs > 1 ? -1 : 0; i < runs && ok && !interrupted(); i++) {
+    /* interrupted before the first pair: it is begun all the same, so that there is a picture to write */
+    for (int i = runs > 1 ? -1 : 0; i < runs && ok && (!interrupted() || !frame_begun(&out->exact_frame)); i++) {
         /* the truth is taken down once: in the pair that warms up, where there are several */
         ok = render_pair(v, quiet, record ? &known : NULL, out, err);
         truth_free(&known);
