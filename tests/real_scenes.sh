@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# real_scenes.sh WHITTED FOLDER: the promises about real scenes, in counts and errors (never in time): at most 12 % of the
+# real_scenes.sh WHITTED FOLDER: the promises about real scenes, in counts and errors (never in time; one thread, so that
+# every run gives the same): at most 12 % of the
 # shadow rays and 2 % of error at 640x360, 1 sample, C_E = 8; 4.5 % and 2.5 % at 320x180, 16 samples, C_E = 32; San Miguel
 # within 4 GB. Prints TAP; skips what is not there.
 set -u
@@ -19,7 +20,7 @@ scene() { # NAME SIZE SPP CE MAX_RAYS MAX_ERROR [OPTION ...]
         n=$((n + 1)); echo "ok $n - $what # SKIP no $folder/$name/$name.glb"
         return
     fi
-    figures=$("$whitted" "$folder/$name/$name.glb" --size "$size" --spp "$spp" --ce "$ce" --compare --quiet --json - "$@" |
+    figures=$("$whitted" "$folder/$name/$name.glb" --size "$size" --spp "$spp" --ce "$ce" --threads 1 --compare --quiet --json - "$@" |
         python3 -c 'import json, sys
 j = json.load(sys.stdin)
 traced, error = j["mode_run"]["rays_traced"] / j["mode_run"]["rays_asked"], j["error"]["l_inf"]
