@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # real_scenes.sh WHITTED FOLDER: the promises about real scenes, in counts and errors (never in time; one thread, so that
-# every run gives the same): at most 12 % of the
-# shadow rays and 2 % of error at 640x360, 1 sample, C_E = 8; 4.5 % and 2.5 % at 320x180, 16 samples, C_E = 32; San Miguel
-# within 4 GB. Prints TAP; skips what is not there.
+# every run gives the same): at most 12 % of the shadow rays and 2 % of error at 640x360, 1 sample, C_E = 8; 4.5 % and
+# 2.5 % at 320x180, 16 samples, C_E = 32; San Miguel within 4 GB. Prints TAP; skips what is not there.
 set -u
 whitted=$1 folder=$2 n=0 bad=0
 
