@@ -396,7 +396,7 @@ static void counts_add_up(void **state)
             assert_true(caches_new(&g.v, &vpls, &used, NULL));
         visibility *o = visibility_new(&g.v, &vpls, mode ? &used : NULL);
         chunk c;
-        chunk_new(&c, &g.v, &vpls);
+        chunk_new(&c, &g.v, &vpls, g.v.scene->light_count);
         eye_samples samples = {0};
         tile_pixels *pixels = xcalloc(1, sizeof *pixels);
         eye_paths(&g.v, (tile){0, 0, TILE, TILE, 0}, 0, 2, &samples, pixels);

@@ -71,6 +71,7 @@ vcache_config vcache_default_config(void)
         .levels = 0,
         .table_bytes = (uint64_t)4 << 20,
         .hash = VCACHE_HASH_SPLIT,
+        .isa = VCACHE_ISA_ALL,
         .allocator = {default_allocate, default_release, NULL},
     };
 }
@@ -182,6 +183,7 @@ vcache_status vcache_create(const vcache_config *config, vcache **out, char *mes
     atomic_init(&c->epoch, 0);
     atomic_init(&c->epoch_key, 0);
     measure(c);
+    c->kernels = kernels_choose(config->isa);
     *out = c;
     return VCACHE_OK;
 }
@@ -202,6 +204,11 @@ void vcache_clear(vcache *c)
     /* Every pair gets another key; what is in the table looks foreign from now on and is overwritten as such. */
     uint64_t epoch = atomic_fetch_add_explicit(&c->epoch, 1, memory_order_relaxed) + 1;
     atomic_store_explicit(&c->epoch_key, hash_words(epoch, 0, 0x589965cc75374cc3u), memory_order_release);
+}
+
+const char *vcache_isa(const vcache *c)
+{
+    return c->kernels->name;
 }
 
 uint64_t vcache_table_words(const vcache *c)

@@ -115,6 +115,22 @@ void vcache_prepare_eye(const vcache *c, const vcache_surface *surface, float ce
     }
 }
 
+bool eye_cells(const vcache *c, const vcache_surface *surface, float ce, uint64_t salt, uint64_t cells[VCACHE_CELLS])
+{
+    grid_point p;
+    if (!(surface->density > 0.0f) || !(ce > 0.0f) || !isfinite(ce) ||
+        !quantize_point(c, surface->position, surface->normal, &p))
+        return false;
+    double r2 = c->diameter * c->diameter * (double)surface->density / ((double)ce * ce);
+    if (salt)
+        salt = hash_words(salt, 0, seed_eye);
+    for (int i = 0; i < VCACHE_CELLS; i++, r2 /= 16.0) {
+        int step = quantize_step(c, r2, c->step_limit);
+        cells[i] = hash_eye_cell(c, quantize_cell(c, &p, quantize_size(c, step), NULL), p.orientation, step, salt);
+    }
+    return true;
+}
+
 uint64_t vcache_eye_cell(const vcache_eye *eye, int level)
 {
     if (eye->levels == 0)

@@ -4,6 +4,7 @@
 #define VCACHE_INTERNAL_H
 
 #include "hash.h"
+#include "kernels.h"
 #include "table.h"
 #include "vcache.h"
 
@@ -17,6 +18,7 @@
 struct vcache {
     vcache_config config;
     table table;
+    const kernels *kernels;
     _Atomic uint64_t epoch_key; /* mixed into every pair: vcache_clear changes it */
     _Atomic uint64_t epoch;
     double center[3];
@@ -117,6 +119,8 @@ _Static_assert(sizeof(struct vcache_light) <= VCACHE_LIGHT_BYTES, "light end");
 _Static_assert(sizeof(struct vcache_vertex) <= VCACHE_VERTEX_BYTES, "vertex");
 
 int vcache_levels(const vcache *c, float ce);
+/* Hashes of the cells around an eye end at C_E, 4 C_E and 16 C_E; false where it cannot be quantized. */
+bool eye_cells(const vcache *c, const vcache_surface *surface, float ce, uint64_t salt, uint64_t cells[VCACHE_CELLS]);
 /* Hash of a vertex at a resolution step, remembered. */
 uint64_t vertex_hash(const vcache *c, vcache_vertex *v, int step);
 /* Step at which a pair of vertices meets (Eq. 6); -1: one of them cannot be quantized. */

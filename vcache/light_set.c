@@ -57,6 +57,7 @@ vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights,
         /* a bypass is !(distance^2 >= side^2): never for directions, always for ends that cannot be quantized */
         s->side_squared[i] = lights[i].bad ? INFINITY : lights[i].side_squared;
     }
+    predict_states(s->states);
     *out = s;
     return VCACHE_OK;
 }
@@ -122,29 +123,6 @@ void set_write(vcache_worker *w, uint32_t first, uint32_t end, const vcache_answ
     row_close(row);
 }
 
-/* Lights of one word of the set that are nearer to the eye end than a cell, or cannot be quantized. */
-static uint64_t near_lights(const vcache_eye *eye, const vcache_light_set *set, uint32_t word)
-{
-    const float *x = set->x + 64 * word, *y = set->y + 64 * word, *z = set->z + 64 * word;
-    const float *side = set->side_squared + 64 * word, ex = eye->position[0], ey = eye->position[1];
-    const float ez = eye->position[2], es = eye->side_squared;
-    uint8_t near[64];
-    for (int i = 0; i < 64; i++) {
-        float dx = x[i] - ex, dy = y[i] - ey, dz = z[i] - ez, distance = dx * dx + dy * dy + dz * dz;
-        float least = side[i] > es || side[i] < 0.0f ? side[i] : es;
-        near[i] = !(distance >= least);
-    }
-    uint64_t bits = 0;
-    for (int i = 0; i < 64; i += 8) {
-        /* eight 0/1 bytes to eight bits */
-        uint64_t eight = 0;
-        for (int k = 0; k < 8; k++)
-            eight |= (uint64_t)near[i + k] << 8 * k;
-        bits |= (eight * 0x0102040810204080u >> 56) << i;
-    }
-    return bits;
-}
-
 static void ask_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint32_t base, uint64_t bits,
                     uint32_t level, uint64_t row, uint64_t *visible)
 {
@@ -177,18 +155,16 @@ static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *
         }
         for (int k = 0; k < cells; k++)
             row_read(set, keys[k], first, count, known[k], seen[k]);
-        uint64_t hits = 0;
+        uint64_t found[PIECE], missing[PIECE], hits = 0;
+        const uint64_t *const have[5] = {known[0], known[1], known[2], known[3], known[4]};
+        const uint64_t *const look[5] = {seen[0], seen[1], seen[2], seen[3], seen[4]};
+        w->cache->kernels->decide(count, (uint32_t)cells, have, look, rest, found, missing, rest);
         for (uint32_t i = 0; i < count; i++) {
-            uint64_t missing = rest[i] & ~known[0][i], differs = 0;
-            for (int k = 1; k < cells; k++)
-                differs |= known[k][i] & (seen[k][i] ^ seen[0][i]);
-            uint64_t found = rest[i] & known[0][i] & ~differs;
-            hits += count_ones(found);
-            visible[first + i] = (visible[first + i] & ~found) | (found & seen[0][i]);
-            rest[i] &= known[0][i] & differs;
+            hits += count_ones(found[i]);
+            visible[first + i] = (visible[first + i] & ~found[i]) | (found[i] & seen[0][i]);
             any |= rest[i];
-            if (missing)
-                ask_set(w, set, eye, 64 * (first + i), missing, d, keys[0], visible);
+            if (missing[i])
+                ask_set(w, set, eye, 64 * (first + i), missing[i], d, keys[0], visible);
         }
         w->statistics.hits[d] += hits;
         w->statistics.hit_levels |= (uint32_t)(hits != 0) << d;
@@ -215,10 +191,15 @@ uint32_t vcache_add_set(vcache_worker *w, const vcache_eye *eye, vcache_light_se
             full = first < base + end;
             w->statistics.asked += count_ones(rest[words]);
         }
+        /* Lights nearer to the eye end than a cell, or that cannot be quantized. */
+        uint64_t near[PIECE];
+        bool all = w->config.exact || eye->levels == 0;
+        const light_places places = {set->x + 64 * start, set->y + 64 * start, set->z + 64 * start,
+                                     set->side_squared + 64 * start};
+        if (!all)
+            w->cache->kernels->near(&places, eye->position, eye->side_squared, words, near);
         for (uint32_t i = 0; i < words; i++) {
-            if (!rest[i])
-                continue;
-            uint64_t exact = w->config.exact || eye->levels == 0 ? rest[i] : rest[i] & near_lights(eye, set, start + i);
+            uint64_t exact = all ? rest[i] : rest[i] & near[i];
             if (exact)
                 ask_set(w, set, eye, 64 * (start + i), exact, NO_LEVEL, 0, visible);
             rest[i] &= ~exact;

@@ -4,6 +4,9 @@
  *
  *     version | key | known, 1 bit a light | visible, 1 bit a light      (64-bit words)
  *
+ * known, visible: 0 0 unknown, 1 0 seen blocked, 1 1 seen visible, 0 1 seen both ways (vcache_learn alone; unknown to
+ * everyone else).
+ *
  * What races: a row may be read while another thread writes or replaces it. The version is odd while it is written;
  * a reader copies the row and takes it only where the version was even before and the same after (a sequence lock), so
  * it never sees bits of one cell under the key of another. A writer that finds the row taken gives up: the bit is
@@ -26,7 +29,11 @@ struct vcache_light_set {
     _Atomic uint64_t *memory;
     vcache_light *lights;
     float *x, *y, *z, *side_squared; /* of the lights, for bypasses; padded to whole words */
+    uint32_t states[STATES];         /* kernels.h */
 };
+
+/* estimate.c: the table of kernels.h. */
+void predict_states(uint32_t states[STATES]);
 
 static inline uint64_t row_key(uint64_t epoch_key, uint64_t half)
 {
@@ -96,6 +103,26 @@ static inline void row_set(const vcache_light_set *s, _Atomic uint64_t *row, uin
     atomic_store_explicit(seen, visible ? old | bit : old & ~bit, memory_order_release);
     old = atomic_load_explicit(known, memory_order_relaxed);
     atomic_store_explicit(known, old | bit, memory_order_release);
+}
+
+/* Adds one outcome to what was seen. */
+static inline void row_learn(const vcache_light_set *s, _Atomic uint64_t *row, uint32_t light, bool visible)
+{
+    _Atomic uint64_t *known = &row[ROW_BITS + light / 64], *seen = known + s->words;
+    uint64_t bit = (uint64_t)1 << (light % 64), k = atomic_load_explicit(known, memory_order_relaxed);
+    uint64_t v = atomic_load_explicit(seen, memory_order_relaxed);
+    bool both = k & bit ? !(v & bit) == visible : (v & bit) != 0;
+    atomic_store_explicit(seen, both || visible ? v | bit : v & ~bit, memory_order_release);
+    atomic_store_explicit(known, both ? k & ~bit : k | bit, memory_order_release);
+}
+
+/* True where row_learn would change nothing: most of what is traced confirms what is known. */
+static inline bool row_knows(const vcache_light_set *s, const _Atomic uint64_t *row, uint32_t light, bool visible)
+{
+    const _Atomic uint64_t *known = &row[ROW_BITS + light / 64];
+    uint64_t bit = (uint64_t)1 << (light % 64), k = atomic_load_explicit(known, memory_order_relaxed) & bit;
+    uint64_t v = atomic_load_explicit(known + s->words, memory_order_relaxed) & bit;
+    return k ? (v != 0) == visible : v != 0;
 }
 
 static inline void row_close(_Atomic uint64_t *row)

@@ -76,6 +76,11 @@ typedef struct vcache_allocator {
     void *context;
 } vcache_allocator;
 
+#define VCACHE_ISA_SCALAR 0u
+#define VCACHE_ISA_AVX2 1u
+#define VCACHE_ISA_AVX512 2u
+#define VCACHE_ISA_ALL 0xffffffffu
+
 typedef struct vcache_config {
     size_t size;                        /* sizeof(vcache_config), set by vcache_default_config */
     float bounds_min[3], bounds_max[3]; /* of everything that ends lie on; finite, min <= max. Default: a unit cube */
@@ -86,6 +91,8 @@ typedef struct vcache_config {
     int32_t levels;             /* C_MSR, 0 ... VCACHE_MAX_LEVELS, default 0: log2 C_E. 1: no refinement */
     uint64_t table_bytes;       /* 4 ... 16 GiB, default 4 MiB: rounded down to whole 32-bit words */
     vcache_hash hash;           /* default VCACHE_HASH_SPLIT */
+    uint32_t isa;               /* VCACHE_ISA_..., default all: what loops over lights may use, where the machine has
+                                   it. The answers are the same bit for bit */
     vcache_allocator allocator; /* default: the C library's */
 } vcache_config;
 
@@ -103,6 +110,9 @@ VCACHE_API void vcache_destroy(vcache **cache);
  * still be answered from before; those that begin after it returned are not. Ends prepared before stay valid. A word
  * left from before is taken for a new one with probability 2^-31 per probe, as any foreign word. */
 VCACHE_API void vcache_clear(vcache *cache);
+
+/* Which loops are used: "scalar", "avx2" or "avx512". */
+VCACHE_API const char *vcache_isa(const vcache *cache);
 
 /* Words in the table. */
 VCACHE_API uint64_t vcache_table_words(const vcache *cache);
@@ -273,6 +283,74 @@ VCACHE_API bool vcache_query(vcache_worker *worker, const vcache_eye *eye, const
  * trace counts as blocked and is not stored. */
 VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light,
                                vcache_trace trace, void *context);
+
+/* ----------------------------------------------------------------------------------------------------- estimating */
+
+/* The cache as a control variate: the sum of many lights without bias, from a few rays. With f_i the unoccluded
+ * contribution of light i of a set, V_i its visibility and m_i what the cache expects of it,
+ *
+ *     sum f_i V_i  =  sum f_i m_i  +  sum f_i (V_i - m_i)
+ *
+ * where the second sum is estimated by few lights, light i being drawn with probability p_i ~ f_i times the deviation of
+ * V_i from m_i. vcache_predict says what is expected, vcache_pick draws, the host traces and adds f (V - m) / p for
+ * each, and vcache_learn writes down what was found. m and p are fixed before the rays are drawn, so the expected value
+ * is exact whatever the cache holds, also while other threads write to it; the cache only makes the error small.
+ *
+ * What an eye end knows of a light are the states of three cells around it (sides C_E, 4 C_E and 16 C_E eye samples),
+ * each one of: unknown, seen visible, seen blocked, both. m is the share of visible rays that was measured for each of
+ * the 64 combinations. The rows are those of the light set; a light that was seen both ways counts as unknown in
+ * vcache_add_set. Nothing is answered by the cache alone, so nearness needs no exception. */
+#define VCACHE_CELLS 3
+typedef struct vcache_cells {
+    uint64_t key[VCACHE_CELLS]; /* finest first; 0: the end cannot be quantized, nothing is known or learnt */
+} vcache_cells;
+
+typedef struct vcache_prediction {
+    const float *mean; /* [lights] m_i, in (0, 1); valid until the next prediction of this predictor */
+    float expected;    /* sum f_i m_i */
+    float deviation;   /* sum f_i d_i, d_i the deviation of V_i: n rays leave an error of about deviation / sqrt(n) */
+    vcache_cells cells;
+} vcache_prediction;
+
+typedef struct vcache_pick {
+    uint32_t light;
+    float weight; /* 1 / p_i, at least 1 */
+} vcache_pick;
+
+/* Scratch of one thread for one set (about 9 bytes a light). */
+typedef struct vcache_predictor vcache_predictor;
+VCACHE_API vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **out, char *message);
+/* Before its set. */
+VCACHE_API void vcache_predictor_destroy(vcache_predictor **predictor);
+
+/* Floats in an array of contributions: the lights of the set, rounded up to whole 64. */
+VCACHE_API uint32_t vcache_light_set_padded(const vcache_light_set *set);
+
+/* `contribution` has vcache_light_set_padded floats, each finite and >= 0 (0: not asked, never drawn; so the padding),
+ * in any unit that is the same for all lights (luminance, say). `ce` is C_E of the finest cell, `salt` as in
+ * vcache_prepare_eye. */
+VCACHE_API vcache_prediction vcache_predict(vcache_predictor *predictor, const vcache_surface *eye, float ce,
+                                            uint64_t salt, const float *contribution);
+
+/* Draws lights for the last prediction by one systematic sample: `rays` of them on average, at most rays + 1, fewer where
+ * fewer contribute; light i with probability p_i = min(1, rays f_i d_i / deviation). `random` in [0, 1) must be uniform
+ * and independent of visibility; values spread evenly over the eye samples of a pixel lower the error of their sum.
+ * `rays` is cut to capacity - 2. Returns the number of picks. */
+VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float rays, float random, vcache_pick *picks,
+                                       uint32_t capacity);
+
+/* What the rays of an eye end found. Any thread, any time later; answers with VCACHE_ONCE are not learnt. */
+VCACHE_API void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache_pick *picks,
+                             const vcache_answer *answers, uint32_t count);
+
+/* How many rays an eye sample deserves: for sum of errors over an image that is least at a given mean number of rays, n
+ * grows with (deviation x weight in the pixel)^(2/3). Zero-initialised but for `rays`, one for each thread. */
+typedef struct vcache_budget {
+    float rays; /* mean number of rays per eye sample */
+    double sum, count;
+} vcache_budget;
+/* `error` = deviation x weight of the eye sample. Between rays / 10 and 4 rays. */
+VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error);
 
 /* ----------------------------------------------------------------------------------------------------- statistics */
 

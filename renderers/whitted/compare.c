@@ -120,8 +120,9 @@ bool comparison_run(const view *v, int runs, bool quiet, comparison *out, messag
     out->view = v;
     out->mispredicted = -1.0;
     truth known = {0};
-    bool ok = true, record = truth_fits(v);
-    if (!record)
+    /* an estimate predicts no single ray */
+    bool ok = true, estimate = v->settings.visibility == VISIBILITY_ESTIMATE, record = !estimate && truth_fits(v);
+    if (!record && !estimate)
         notice("too many pairs to keep a record of: mispredictions are not counted");
     if (runs == 1)
         ok = warm_up(v, quiet, err);
@@ -153,7 +154,7 @@ void comparison_free(comparison *c)
     frame_free(&c->mode_frame);
 }
 
-const char *const visibility_names[] = {"exact", "cache", NULL};
+const char *const visibility_names[] = {"exact", "cache", "estimate", NULL};
 const char *const store_names[] = {"rows", "words", NULL};
 const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
 
@@ -209,6 +210,8 @@ void comparison_print(const comparison *c, FILE *out)
     print_heading(c, out);
     if (f->visibility == VISIBILITY_CACHE)
         snprintf(name, sizeof name, "cache C_E %g", (double)f->ce);
+    else if (f->visibility == VISIBILITY_ESTIMATE)
+        snprintf(name, sizeof name, "estimate %g", (double)f->rays);
     if (frame_begun(e))
         print_frame(out, "exact", c->runs ? comparison_median(c->exact, c->runs) : times_of(e), e);
     if (frame_begun(m))

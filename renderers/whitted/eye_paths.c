@@ -14,6 +14,7 @@ typedef struct path {
     eye_samples *first, *late; /* late: behind specular surfaces */
     tile_pixels *pixels;
     uint32_t pixel;
+    float stratum;
     uint64_t random;
     float spread; /* of the pixel's cone: its width per unit of distance */
     float share;  /* of a sample in the pixel */
@@ -57,7 +58,7 @@ static void follow(path *p, vec3 origin, vec3 direction, rgb weight, float width
         }
         return;
     }
-    eye_sample e = {.surface = s, .weight = weight, .pixel = p->pixel};
+    eye_sample e = {.surface = s, .weight = weight, .pixel = p->pixel, .stratum = p->stratum};
     e.origin = surface_offset(&s, s.geometric_normal);
     e.density = vcache_density_cone(width, fabsf(v3_dot(s.geometric_normal, s.wo)), (float)v->settings.spp);
     eye_samples *list = depth == 0 ? p->first : p->late;
@@ -87,7 +88,7 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
         p.pixel = y * TILE + x;
         uint64_t index = (uint64_t)(t.y + y) * f->width + t.x + x;
         rng shift = rng_make(f->seed, index);
-        float shift_x = rng_float(&shift), shift_y = rng_float(&shift);
+        float shift_x = rng_float(&shift), shift_y = rng_float(&shift), shift_stratum = rng_float(&shift);
         for (int i = first; i < first + count; i++) {
             /* Halton points, shifted at random in each pixel; one sample alone stands in the middle. */
             float u = 0.5f, w = 0.5f;
@@ -98,6 +99,7 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
             float dx = ((float)(t.x + x) + u - 0.5f * (float)f->width) * pixel;
             float dy = (0.5f * (float)f->height - (float)(t.y + y) - w) * pixel;
             vec3 direction = v3_mad(v3_mad(v->camera.forward, dx, right), dy, v->camera.up);
+            p.stratum = fraction(shift_stratum + (float)i / (float)f->spp);
             p.random = index * (uint64_t)f->spp + (uint64_t)i;
             /* A pixel subtends pixel^2 cos^3 steradians at the angle from the axis. */
             float length = v3_length(direction);

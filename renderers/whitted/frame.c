@@ -13,8 +13,10 @@
 /* What one thread needs. */
 typedef struct station {
     eye_samples samples;
+    const vpl_set *lights; /* of the chunk */
     chunk chunk;
     visibility *visibility;
+    estimator *estimator; /* NULL: visibility decides all */
     caches caches; /* unless shared */
     tile_pixels pixels;
     uint32_t *order; /* of eye samples */
@@ -149,9 +151,12 @@ static void copy_out(const job *j, tile t, const tile_pixels *p)
 static void prepare_station(job *j, station *s)
 {
     tracer_thread_init();
-    chunk_new(&s->chunk, j->v, j->vpls);
     const caches *c = j->v->settings.shared ? &j->shared : &s->caches;
-    s->visibility = visibility_new(j->v, j->vpls, j->v->settings.visibility == VISIBILITY_EXACT ? NULL : c);
+    if (j->v->settings.visibility == VISIBILITY_ESTIMATE && c->all_set)
+        s->estimator = estimator_new(j->v, j->vpls, c->all_set);
+    s->lights = s->estimator ? &vpls_none : j->vpls; /* what is left to the chunk is exact then */
+    chunk_new(&s->chunk, j->v, s->lights, s->estimator ? 0 : j->v->scene->light_count);
+    s->visibility = visibility_new(j->v, s->lights, j->v->settings.visibility == VISIBILITY_CACHE ? c : NULL);
     s->ready = true;
 }
 
@@ -167,9 +172,11 @@ static void light_samples(job *j, station *s, size_t pass)
         c->count = s->samples.count - i < CHUNK ? (uint32_t)(s->samples.count - i) : CHUNK;
         for (uint32_t e = 0; e < c->count; e++)
             c->eyes[e] = &s->samples.items[s->order[i + e]];
-        shade_unoccluded(j->v, j->vpls, c);
+        shade_unoccluded(j->v, s->lights, c);
         visibility_resolve(s->visibility, c, &s->pixels);
-        shade_sum(j->vpls, c, &s->pixels);
+        shade_sum(s->lights, c, &s->pixels);
+        if (s->estimator)
+            estimator_light(s->estimator, c->eyes, c->count, &s->pixels);
         if (j->record)
             record_truth(s, i, j->record->passes[pass]);
         if (j->check && j->check->passes[pass])
@@ -265,7 +272,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         record->passes = xcalloc(record->pass_count, sizeof *record->passes);
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
-    double ce = f->visibility == VISIBILITY_CACHE ? (double)f->ce / sqrt(f->spp) : 1.0;
+    double ce = f->visibility == VISIBILITY_EXACT ? 1.0 : (double)f->ce / sqrt(f->spp);
     halton_order(TILE, TILE, ce, order, starts, &segments);
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
@@ -288,6 +295,12 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
             ray_counts r = visibility_counts(s->visibility);
             out->rays.asked += r.asked;
             out->rays.traced += r.traced;
+            if (s->estimator) {
+                r = estimator_counts(s->estimator);
+                out->rays.asked += r.asked;
+                out->rays.traced += r.traced;
+            }
+            estimator_free(s->estimator);
             visibility_free(s->visibility);
             chunk_free(&s->chunk);
         }

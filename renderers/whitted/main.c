@@ -32,6 +32,7 @@ static arguments defaults(void)
     s->spp = 1;
     s->vpls = 1024;
     s->env_samples = s->light_samples = -1;
+    s->rays = 6.0f;
     s->ce = 8.0f;
     s->ce_delta = -1.0f;
     s->cache = vcache_default_config();
@@ -60,6 +61,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .help = "camera at E that looks at A, vertical FOV in degrees"},
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
          .help = "how shadows are decided"},
+        {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
+         .help = "rays per eye path for --visibility estimate, on average"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
          .help = "C_E of virtual point lights: cell size in eye samples a side"},
         {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = 0, .max = 10000, .metavar = "X",

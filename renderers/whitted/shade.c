@@ -12,6 +12,17 @@
 #define CLONES
 #endif
 
+/* 16 floats, in whatever registers the machine has; loaded from anywhere. */
+typedef float lanes16 __attribute__((vector_size(64), aligned(4), may_alias));
+#define LANES16_OF(p) (*(const lanes16 *)(p))
+
+float *floats_new(size_t count)
+{
+    size_t bytes = (count * sizeof(float) + 64) / 64 * 64;
+    void *p = aligned_alloc(64, bytes);
+    return memset(p ? p : xmalloc(SIZE_MAX), 0, bytes);
+}
+
 static void bits_new(pair_bits *b, uint32_t lights)
 {
     b->lights = lights;
@@ -20,14 +31,15 @@ static void bits_new(pair_bits *b, uint32_t lights)
     b->visible = xcalloc((size_t)CHUNK * b->words + 1, sizeof *b->visible);
 }
 
-void chunk_new(chunk *c, const view *v, const vpl_set *vpls)
+void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual)
 {
     memset(c, 0, sizeof *c);
-    uint32_t samples = direct_sample_count(v), punctual = v->scene->light_count;
+    uint32_t samples = direct_sample_count(v);
     bits_new(&c->bits[LIGHTS_VIRTUAL], vpls->count);
     bits_new(&c->bits[LIGHTS_PUNCTUAL], punctual);
     bits_new(&c->bits[LIGHTS_SAMPLED], samples);
-    c->geometry = xmalloc(((size_t)CHUNK * vpls->padded + 1) * sizeof *c->geometry);
+    c->geometry = floats_new((size_t)CHUNK * vpls->padded);
+    c->contribution = floats_new(vpls->padded);
     c->punctual = xmalloc(((size_t)CHUNK * punctual + 1) * sizeof *c->punctual);
     c->sampled = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled);
     c->sampled_density = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled_density);
@@ -41,29 +53,63 @@ void chunk_free(chunk *c)
         free(c->bits[g].visible);
     }
     free(c->geometry);
+    free(c->contribution);
     free(c->punctual);
     free(c->sampled);
     free(c->sampled_density);
     free(c->sampled_normal);
 }
 
-/* cos cos / (r^2 max(r^2, clamp)): both cosines stand without their division by r. */
-CLONES static void geometry_row(const vpl_set *l, vec3 p, vec3 normal, vec3 geometric, float *restrict out)
+/* cos cos / (r^2 max(r^2, clamp)) of all lights, and times `power`; returns how many are above 0. Both cosines stand
+ * without their division by r. Where the shading normal is the geometric one (`flat`), one horizon is enough. The form
+ * is one that compilers make vectors of. */
+static inline __attribute__((always_inline)) uint32_t contributions(const vpl_set *l, const eye_sample *e, bool flat,
+                                                                    const float *restrict power,
+                                                                    float *restrict geometry, float *restrict out)
 {
+    const vec3 p = e->origin, n = e->surface.normal, h = e->surface.geometric_normal;
     const float *restrict x = l->x, *restrict y = l->y, *restrict z = l->z;
     const float *restrict nx = l->nx, *restrict ny = l->ny, *restrict nz = l->nz;
     const float clamp = l->clamp;
-    for (uint32_t i = 0; i < l->padded; i++) {
+    const uint32_t count = l->padded;
+    for (uint32_t i = 0; i < count; i++) {
         float dx = x[i] - p.x, dy = y[i] - p.y, dz = z[i] - p.z;
         float r2 = dx * dx + dy * dy + dz * dz;
-        float eye = normal.x * dx + normal.y * dy + normal.z * dz;
-        float side = geometric.x * dx + geometric.y * dy + geometric.z * dz;
+        float eye = n.x * dx + n.y * dy + n.z * dz;
+        float side = flat ? eye : h.x * dx + h.y * dy + h.z * dz;
         float away = -(nx[i] * dx + ny[i] * dy + nz[i] * dz);
         float clamped = r2 > clamp ? r2 : clamp;
         float value = eye * away / (r2 * clamped);
         int lit = (eye > 0.0f) & (side > 0.0f) & (away > 0.0f);
-        out[i] = lit ? value : 0.0f;
+        value = lit ? value : 0.0f;
+        geometry[i] = value;
+        out[i] = value * power[i];
     }
+    uint32_t positive = 0;
+    for (uint32_t i = 0; i < count; i++)
+        positive += geometry[i] > 0.0f;
+    return positive;
+}
+
+CLONES static uint32_t contributions_flat(const vpl_set *l, const eye_sample *e, const float *restrict power,
+                                          float *restrict geometry,
+                                          float *restrict out)
+{
+    return contributions(l, e, true, power, geometry, out);
+}
+
+CLONES static uint32_t contributions_smooth(const vpl_set *l, const eye_sample *e, const float *restrict power,
+                                            float *restrict geometry,
+                                            float *restrict out)
+{
+    return contributions(l, e, false, power, geometry, out);
+}
+
+uint32_t shade_contributions(const vpl_set *vpls, const eye_sample *e, const float *power, float *geometry, float *out)
+{
+    const vec3 *n = &e->surface.normal, *g = &e->surface.geometric_normal;
+    bool flat = n->x == g->x && n->y == g->y && n->z == g->z;
+    return (flat ? contributions_flat : contributions_smooth)(vpls, e, power, geometry, out);
 }
 
 CLONES static void positive_bits(const float *restrict values, uint32_t words, uint64_t *restrict bits)
@@ -101,6 +147,39 @@ CLONES static rgb diffuse_sum(const vpl_set *l, const float *restrict geometry, 
     return sum;
 }
 
+/* The light of all virtual point lights, each seen as far as `seen` says. */
+CLONES static rgb weighted_sum(const vpl_set *l, const float *geometry, const float *seen)
+{
+    lanes16 r = {0}, g = {0}, b = {0};
+    for (uint32_t at = 0; at < l->padded; at += 16) {
+        lanes16 v = LANES16_OF(geometry + at) * LANES16_OF(seen + at);
+        r += v * LANES16_OF(l->r + at);
+        g += v * LANES16_OF(l->g + at);
+        b += v * LANES16_OF(l->b + at);
+    }
+    rgb sum = {0, 0, 0};
+    for (uint32_t k = 0; k < 16; k++)
+        sum = v3_add(sum, v3(r[k], g[k], b[k]));
+    return sum;
+}
+
+rgb shade_response(const vpl_set *l, const eye_sample *e, uint32_t i)
+{
+    vec3 wi = v3_normalize(v3_sub(v3(l->x[i], l->y[i], l->z[i]), e->origin));
+    return v3_mul(material_eval(&e->surface, wi), v3(l->r[i], l->g[i], l->b[i]));
+}
+
+rgb shade_expected(const vpl_set *l, const eye_sample *e, const float *geometry, const float *seen)
+{
+    if (e->surface.material->kind == MATERIAL_DIFFUSE)
+        return v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), weighted_sum(l, geometry, seen));
+    rgb sum = {0, 0, 0};
+    for (uint32_t i = 0; i < l->count; i++)
+        if (geometry[i] > 0.0f)
+            sum = v3_mad(sum, geometry[i] * seen[i], shade_response(l, e, i));
+    return sum;
+}
+
 /* Materials with a gloss need their BRDF for each light. */
 static rgb glossy_sum(const vpl_set *l, const eye_sample *e, const float *geometry, const uint64_t *visible,
                       uint32_t words)
@@ -109,9 +188,7 @@ static rgb glossy_sum(const vpl_set *l, const eye_sample *e, const float *geomet
     for (uint32_t w = 0; w < words; w++)
         for (uint64_t word = visible[w]; word; word &= word - 1) {
             uint32_t i = 64 * w + (uint32_t)__builtin_ctzll(word);
-            vec3 wi = v3_normalize(v3_sub(v3(l->x[i], l->y[i], l->z[i]), e->origin));
-            rgb f = v3_mul(material_eval(&e->surface, wi), v3(l->r[i], l->g[i], l->b[i]));
-            sum = v3_mad(sum, geometry[i], f);
+            sum = v3_mad(sum, geometry[i], shade_response(l, e, i));
         }
     return sum;
 }
@@ -138,7 +215,7 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         if (!(material_reflectance(&s->surface) > 0.0f))
             continue;
         float *geometry = c->geometry + (size_t)e * vpls->padded;
-        geometry_row(vpls, s->origin, s->surface.normal, s->surface.geometric_normal, geometry);
+        shade_contributions(vpls, s, vpls->luminance, geometry, c->contribution);
         positive_bits(geometry, virtual->words, virtual->asked + (size_t)e * virtual->words);
 
         light_sample *p = c->punctual + (size_t)e * punctual->lights;

@@ -4,9 +4,6 @@
 
 #include <string.h>
 
-/* Shadow rays to a point end a little before it; both ends stand off their surfaces already. */
-static const float ray_end = 1.0f - 0x1p-16f;
-
 struct visibility {
     const view *view;
     const vpl_set *vpls;
@@ -58,7 +55,7 @@ static void aim(visibility *o, const chunk *c, lanes l, int group, uint32_t i)
             p->dir_x[k] = x - p->org_x[k];
             p->dir_y[k] = y - p->org_y[k];
             p->dir_z[k] = z - p->org_z[k];
-            p->tfar[k] = ray_end;
+            p->tfar[k] = RAY_END;
         }
         return;
     }
@@ -68,7 +65,7 @@ static void aim(visibility *o, const chunk *c, lanes l, int group, uint32_t i)
         p->dir_x[k] = s->infinite ? s->target.x : s->target.x - p->org_x[k];
         p->dir_y[k] = s->infinite ? s->target.y : s->target.y - p->org_y[k];
         p->dir_z[k] = s->infinite ? s->target.z : s->target.z - p->org_z[k];
-        p->tfar[k] = s->infinite ? INFINITY : ray_end;
+        p->tfar[k] = s->infinite ? INFINITY : RAY_END;
     }
 }
 
@@ -126,82 +123,6 @@ static void vec3_store(float out[3], vec3 v)
     out[0] = v.x, out[1] = v.y, out[2] = v.z;
 }
 
-static vcache_light *virtual_ends(const vpl_set *vpls, const vcache *cache)
-{
-    vcache_light *ends = xmalloc((vpls->count + 1) * vcache_light_size());
-    for (uint32_t i = 0; i < vpls->count; i++) {
-        vcache_surface s = {.position = {vpls->x[i], vpls->y[i], vpls->z[i]},
-                            .normal = {vpls->gx[i], vpls->gy[i], vpls->gz[i]},
-                            .density = vpls->density[i],
-                            .user = i};
-        vcache_prepare_patch(cache, &s, vcache_light_at(ends, i));
-    }
-    return ends;
-}
-
-static vcache_light *punctual_ends(const scene *s, const vcache *cache)
-{
-    vcache_light *ends = xmalloc((s->light_count + 1) * vcache_light_size());
-    for (uint32_t i = 0; i < s->light_count; i++) {
-        const light *l = &s->lights[i];
-        float at[3];
-        vec3_store(at, l->kind == LIGHT_DIRECTIONAL ? v3_neg(l->direction) : l->position);
-        if (l->kind == LIGHT_DIRECTIONAL)
-            vcache_prepare_direction(cache, at, i, vcache_light_at(ends, i));
-        else
-            vcache_prepare_point(cache, at, i, vcache_light_at(ends, i));
-    }
-    return ends;
-}
-
-/* Rows for one kind of lights, or its words of the table in bundles. */
-static vcache_status set_new(vcache *table, bool words, vcache_light *ends, uint32_t count, uint64_t bytes,
-                             vcache_light_set **out, char *text)
-{
-    if (words || count == 0) {
-        vcache_bundle_lights(table, ends, count);
-        return VCACHE_OK;
-    }
-    return vcache_light_set_create(table, ends, count, bytes, out, text);
-}
-
-bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err)
-{
-    const settings *f = &v->settings;
-    /* The budget goes to who needs it: most to the virtual point lights, the table only where it is asked. */
-    bool punctual = f->ce_delta > 0.0f && v->scene->light_count > 0, sampled = f->ce_samples > 0.0f;
-    uint64_t budget = f->cache.table_bytes, part = f->words ? 0 : budget / 8;
-    vcache_config config = f->cache;
-    if (!f->words)
-        config.table_bytes = sampled ? part * 2 : 4;
-    char text[VCACHE_MESSAGE_BYTES];
-    memset(out, 0, sizeof *out);
-    vcache_status status = vcache_create(&config, &out->table, text);
-    if (status == VCACHE_OK) {
-        out->virtual_ends = virtual_ends(vpls, out->table);
-        out->punctual_ends = punctual_ends(v->scene, out->table);
-        uint64_t rest = budget - (sampled ? part * 2 : 0) - (punctual ? part : 0);
-        status = set_new(out->table, f->words, out->virtual_ends, vpls->count, rest, &out->virtual_set, text);
-        if (status == VCACHE_OK && punctual)
-            status = set_new(out->table, f->words, out->punctual_ends, v->scene->light_count, part,
-                             &out->punctual_set, text);
-    }
-    if (status != VCACHE_OK)
-        return fail(err, "visibility cache: %s", text);
-    out->bytes = budget;
-    return true;
-}
-
-void caches_free(caches *c)
-{
-    vcache_light_set_destroy(&c->virtual_set);
-    vcache_light_set_destroy(&c->punctual_set);
-    vcache_destroy(&c->table);
-    free(c->virtual_ends);
-    free(c->punctual_ends);
-    memset(c, 0, sizeof *c);
-}
-
 /* Rays of misses, as they come: they are in order of eye samples and then of lights, so a packet mostly leaves from one
  * point. */
 static bool trace_misses(void *context, const vcache_miss *misses, size_t count, vcache_answer *answers)
@@ -218,7 +139,7 @@ static bool trace_misses(void *context, const vcache_miss *misses, size_t count,
             p->dir_x[k] = m->infinite ? to[0] : to[0] - e->origin.x;
             p->dir_y[k] = m->infinite ? to[1] : to[1] - e->origin.y;
             p->dir_z[k] = m->infinite ? to[2] : to[2] - e->origin.z;
-            p->tfar[k] = m->infinite ? INFINITY : ray_end;
+            p->tfar[k] = m->infinite ? INFINITY : RAY_END;
             o->pixels->traced[e->pixel]++;
         }
         uint32_t blocked = tracer_occluded16(o->view->tracer, p, (1u << n) - 1, false);

@@ -376,9 +376,9 @@ static vpl_set pack(const candidates *c, uint64_t paths, float clamp)
 {
     vpl_set l = {.count = (uint32_t)c->count, .clamp = clamp};
     l.padded = (l.count + 63) / 64 * 64;
-    float **arrays[] = {&l.x, &l.y, &l.z, &l.nx, &l.ny, &l.nz, &l.gx, &l.gy, &l.gz, &l.r, &l.g, &l.b, &l.density};
+    float **arrays[] = {&l.x, &l.y, &l.z, &l.nx, &l.ny, &l.nz, &l.gx, &l.gy, &l.gz, &l.r, &l.g, &l.b, &l.luminance, &l.density};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-        *arrays[i] = xcalloc(l.padded + 1, sizeof(float));
+        *arrays[i] = floats_new(l.padded);
     for (uint32_t i = 0; i < l.count; i++) {
         const candidate *k = &c->items[i];
         l.x[i] = k->position.x, l.y[i] = k->position.y, l.z[i] = k->position.z;
@@ -386,6 +386,7 @@ static vpl_set pack(const candidates *c, uint64_t paths, float clamp)
         l.gx[i] = k->geometric.x, l.gy[i] = k->geometric.y, l.gz[i] = k->geometric.z;
         rgb power = v3_scale(k->power, 1.0f / (float)paths);
         l.r[i] = power.x, l.g[i] = power.y, l.b[i] = power.z;
+        l.luminance[i] = luminance(power);
     }
     return l;
 }
@@ -417,9 +418,11 @@ vpl_set vpls_new(const view *v)
     return l;
 }
 
+const vpl_set vpls_none = {0};
+
 void vpls_free(vpl_set *l)
 {
-    float *arrays[] = {l->x, l->y, l->z, l->nx, l->ny, l->nz, l->gx, l->gy, l->gz, l->r, l->g, l->b, l->density};
+    float *arrays[] = {l->x, l->y, l->z, l->nx, l->ny, l->nz, l->gx, l->gy, l->gz, l->r, l->g, l->b, l->luminance, l->density};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
         free(arrays[i]);
     memset(l, 0, sizeof *l);

@@ -25,7 +25,14 @@ enum {
     PASS = 64 /* eye paths per pixel that a tile keeps at a time: bounds the memory of a thread */
 };
 
-typedef enum visibility_mode { VISIBILITY_EXACT, VISIBILITY_CACHE } visibility_mode;
+/* Shadow rays to a point end a little before it; both ends stand off their surfaces already. */
+#define RAY_END (1.0f - 0x1p-16f)
+
+typedef enum visibility_mode {
+    VISIBILITY_EXACT,
+    VISIBILITY_CACHE,
+    VISIBILITY_ESTIMATE /* virtual and punctual lights by few rays, the cache as control variate */
+} visibility_mode;
 
 typedef struct settings {
     uint32_t width, height;
@@ -35,7 +42,8 @@ typedef struct settings {
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
-    float ce;         /* C_E of virtual point lights */
+    float rays;       /* mean per eye sample for VISIBILITY_ESTIMATE */
+    float ce;         /* C_E of virtual point lights; of the finest cells of VISIBILITY_ESTIMATE */
     float ce_delta;   /* of point, spot and directional lights; 0: these are traced */
     float ce_samples; /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
@@ -52,6 +60,7 @@ typedef struct vpl_set {
     float *nx, *ny, *nz; /* unit shading normal: what it emits around */
     float *gx, *gy, *gz; /* unit geometric normal: what it is quantized by */
     float *r, *g, *b;    /* exitant radiance times area: W / sr along the normal */
+    float *luminance;    /* of r, g, b */
     float *density;      /* of virtual point lights per unit area around it */
     float clamp;         /* squared distances below this count as this in the geometric term */
 } vpl_set;
@@ -68,6 +77,8 @@ typedef struct view {
 /* Traces light paths and resamples their vertices to settings.vpls by what they bring to the camera. */
 vpl_set vpls_new(const view *v);
 void vpls_free(vpl_set *l);
+/* None at all. */
+extern const vpl_set vpls_none;
 
 /* ------------------------------------------------------------------------------------------ eye paths (eye_paths.c) */
 
@@ -78,6 +89,7 @@ typedef struct eye_sample {
     rgb weight;    /* of radiance towards wo in the pixel */
     float density; /* eye samples per unit area */
     uint32_t pixel; /* in the tile */
+    float stratum;  /* uniform in [0, 1), spread evenly over the paths of a pixel */
     uint64_t random; /* index of its random numbers */
 } eye_sample;
 
@@ -128,6 +140,7 @@ typedef struct chunk {
     uint32_t count;
     pair_bits bits[LIGHT_GROUPS];
     float *geometry;        /* [CHUNK][vpls.padded]: cos cos / r^2 of each virtual point light */
+    float *contribution;    /* scratch of one eye sample */
     light_sample *punctual; /* [CHUNK][lights] */
     light_sample *sampled;  /* [CHUNK][samples] */
     float *sampled_density; /* of the samples, per unit area or steradian */
@@ -135,13 +148,24 @@ typedef struct chunk {
     rgb material[CHUNK]; /* what the material's own sample found: a traced path, no shadow ray */
 } chunk;
 
-void chunk_new(chunk *c, const view *v, const vpl_set *vpls);
+/* Zeroed floats that begin a cache line, for free(). */
+float *floats_new(size_t count);
+/* `punctual`: lights that are not left to someone else. */
+void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual);
 void chunk_free(chunk *c);
 
 /* Unoccluded contributions of all lights; sets the asked bits and clears the visible ones. */
 void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c);
 /* Adds what is visible to the pixels. Sums in the order of lights, whatever the order of tracing was. */
 void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels);
+
+/* For one eye sample: the geometry of each virtual point light, and times `power` (its luminance, say), into `out`; all
+ * padded. Returns how many are above 0. */
+uint32_t shade_contributions(const vpl_set *vpls, const eye_sample *e, const float *power, float *geometry, float *out);
+/* Radiance of all virtual point lights towards wo, `visibility` (0 ... 1) of each given. */
+rgb shade_expected(const vpl_set *vpls, const eye_sample *e, const float *geometry, const float *visibility);
+/* BRDF of the eye sample times power of light i. */
+rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 
 /* direct.c */
 uint32_t direct_sample_count(const view *v);
@@ -170,6 +194,7 @@ typedef struct caches {
     vcache *table;                         /* light samples; with settings.words all lights */
     vcache_light *virtual_ends, *punctual_ends;
     vcache_light_set *virtual_set, *punctual_set; /* NULL where the table serves */
+    vcache_light_set *all_set; /* for VISIBILITY_ESTIMATE: virtual point lights, padded, then punctual ones; NULL: none */
     uint64_t bytes;
 } caches;
 
@@ -182,6 +207,16 @@ void visibility_free(visibility *o);
 /* Sets the visible bits of the chunk. */
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
+
+/* -------------------------------------------------------------------------------------------- estimate (estimate.c) */
+
+/* One thread's means of estimating the light of all virtual and punctual lights without bias. */
+typedef struct estimator estimator;
+estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *set);
+void estimator_free(estimator *o);
+/* Adds their light to the pixels of at most CHUNK eye samples. */
+void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels);
+ray_counts estimator_counts(const estimator *o);
 
 /* ------------------------------------------------------------------------------------------------- frame (frame.c) */
 

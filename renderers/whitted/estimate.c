@@ -1,0 +1,191 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The light of all virtual and punctual lights by few rays: what the cache expects of each light is summed, a few lights
+ * are drawn where that is most uncertain, and their rays correct the sum. No bias, whatever the cache holds.
+ */
+#include "whitted.h"
+
+#include <string.h>
+
+enum { PICKS = 64 }; /* of one eye sample, at most */
+
+/* A ray on its way, and what either answer adds to the pixel. */
+typedef struct correction {
+    rgb if_visible, if_blocked;
+    uint32_t pixel;
+} correction;
+
+struct estimator {
+    const view *view;
+    const vpl_set *vpls;
+    vcache_light_set *set;
+    vcache_predictor *predictor;
+    vcache_budget budget;
+    uint32_t lights; /* padded virtual point lights, then punctual ones */
+    float *geometry, *contribution;
+    light_sample *punctual;
+    ray_packet packet;
+    ray_counts counts;
+    /* of one chunk */
+    vcache_cells cells[CHUNK];
+    uint32_t first[CHUNK + 1]; /* pick of each eye sample */
+    vcache_pick picks[CHUNK * PICKS];
+    vcache_answer answers[CHUNK * PICKS];
+    correction corrections[CHUNK * PICKS];
+};
+
+estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *set)
+{
+    estimator *o = NULL;
+    if (posix_memalign((void **)&o, 64, sizeof *o))
+        o = xmalloc(SIZE_MAX);
+    memset(o, 0, sizeof *o);
+    uint32_t padded = vcache_light_set_padded(set);
+    o->view = v;
+    o->vpls = vpls;
+    o->set = set;
+    o->budget.rays = v->settings.rays;
+    o->geometry = floats_new(vpls->padded);
+    o->contribution = floats_new(padded);
+    o->punctual = xcalloc(v->scene->light_count + 1, sizeof *o->punctual);
+    packet_init(&o->packet);
+    if (vcache_predictor_create(set, &o->predictor, NULL) != VCACHE_OK)
+        o->predictor = xmalloc(SIZE_MAX);
+    return o;
+}
+
+void estimator_free(estimator *o)
+{
+    if (!o)
+        return;
+    vcache_predictor_destroy(&o->predictor);
+    free(o->geometry);
+    free(o->contribution);
+    free(o->punctual);
+    free(o);
+}
+
+ray_counts estimator_counts(const estimator *o)
+{
+    return o->counts;
+}
+
+/* Luminance that the eye sample's own colour leaves of the light that arrives. */
+static float tint_of(const eye_sample *e)
+{
+    return luminance(v3_mul(e->weight, e->surface.color)) / PI_F;
+}
+
+/* Contributions of all lights to one eye sample, up to its tint; counts those above 0. */
+static uint32_t contributions(estimator *o, const eye_sample *e, float tint)
+{
+    const scene *s = o->view->scene;
+    uint32_t asked = shade_contributions(o->vpls, e, o->vpls->luminance, o->geometry, o->contribution);
+    if (e->surface.material->kind != MATERIAL_DIFFUSE)
+        for (uint32_t i = 0; i < o->vpls->count; i++)
+            if (o->geometry[i] > 0.0f)
+                o->contribution[i] =
+                    o->geometry[i] * luminance(v3_mul(e->weight, shade_response(o->vpls, e, i))) / tint;
+    for (uint32_t i = 0; i < s->light_count; i++) {
+        o->punctual[i] = direct_punctual(e, &s->lights[i]);
+        float value = luminance(o->punctual[i].value) / tint;
+        o->contribution[o->vpls->padded + i] = value;
+        asked += value > 0.0f;
+    }
+    return asked;
+}
+
+static rgb light_value(const estimator *o, const eye_sample *e, uint32_t i)
+{
+    if (i >= o->vpls->padded)
+        return o->punctual[i - o->vpls->padded].value;
+    rgb response = e->surface.material->kind == MATERIAL_DIFFUSE
+                       ? v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]))
+                       : shade_response(o->vpls, e, i);
+    return v3_scale(v3_mul(e->weight, response), o->geometry[i]);
+}
+
+/* What is expected goes to the pixel; what is drawn becomes a correction. Returns the number of picks. */
+static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32_t at, tile_pixels *pixels)
+{
+    float tint = tint_of(e);
+    if (!(tint > 0.0f))
+        return 0;
+    uint32_t asked = contributions(o, e, tint);
+    o->counts.asked += asked;
+    pixels->asked[e->pixel] += asked;
+    if (!asked)
+        return 0;
+    vcache_surface end = {.position = {e->surface.position.x, e->surface.position.y, e->surface.position.z},
+                          .normal = {e->surface.geometric_normal.x, e->surface.geometric_normal.y,
+                                     e->surface.geometric_normal.z},
+                          .density = e->density};
+    vcache_prediction p = vcache_predict(o->predictor, &end, o->view->settings.ce, 0, o->contribution);
+    o->cells[slot] = p.cells;
+    if (!pixels->cell[e->pixel])
+        pixels->cell[e->pixel] = p.cells.key[0];
+    rgb sum = v3_mul(e->weight, shade_expected(o->vpls, e, o->geometry, p.mean));
+    for (uint32_t i = 0; i < o->view->scene->light_count; i++)
+        sum = v3_mad(sum, p.mean[o->vpls->padded + i], o->punctual[i].value);
+    pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], sum);
+
+    float rays = vcache_budget_rays(&o->budget, p.deviation * tint);
+    uint32_t n = vcache_pick_lights(o->predictor, rays, e->stratum, o->picks + at, PICKS);
+    for (uint32_t k = 0; k < n; k++) {
+        uint32_t i = o->picks[at + k].light;
+        rgb value = v3_scale(light_value(o, e, i), o->picks[at + k].weight);
+        o->corrections[at + k] = (correction){v3_scale(value, 1.0f - p.mean[i]), v3_scale(value, -p.mean[i]), e->pixel};
+    }
+    pixels->traced[e->pixel] += n;
+    o->counts.traced += n;
+    return n;
+}
+
+static void aim(estimator *o, uint32_t lane, const eye_sample *e, uint32_t i)
+{
+    ray_packet *p = &o->packet;
+    vec3 from = e->origin, to;
+    float end = RAY_END;
+    if (i < o->vpls->padded)
+        to = v3_sub(v3(o->vpls->x[i], o->vpls->y[i], o->vpls->z[i]), from);
+    else {
+        const light *l = &o->view->scene->lights[i - o->vpls->padded];
+        bool infinite = l->kind == LIGHT_DIRECTIONAL;
+        to = infinite ? v3_neg(l->direction) : v3_sub(l->position, from);
+        end = infinite ? INFINITY : RAY_END;
+    }
+    p->org_x[lane] = from.x, p->org_y[lane] = from.y, p->org_z[lane] = from.z;
+    p->dir_x[lane] = to.x, p->dir_y[lane] = to.y, p->dir_z[lane] = to.z;
+    p->tfar[lane] = end;
+}
+
+static void trace(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels)
+{
+    uint32_t e = 0, all = o->first[count];
+    for (uint32_t at = 0; at < all; at += GROUP) {
+        uint32_t n = all - at < GROUP ? all - at : GROUP;
+        for (uint32_t k = 0; k < n; k++) {
+            while (at + k >= o->first[e + 1])
+                e++;
+            aim(o, k, eyes[e], o->picks[at + k].light);
+        }
+        uint32_t blocked = tracer_occluded16(o->view->tracer, &o->packet, (1u << n) - 1, false);
+        for (uint32_t k = 0; k < n; k++) {
+            const correction *c = &o->corrections[at + k];
+            bool visible = !(blocked >> k & 1u);
+            o->answers[at + k] = visible ? VCACHE_VISIBLE : VCACHE_BLOCKED;
+            pixels->lit[c->pixel] = v3_add(pixels->lit[c->pixel], visible ? c->if_visible : c->if_blocked);
+        }
+    }
+}
+
+void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels)
+{
+    for (uint32_t e = 0; e < count; e++)
+        o->first[e + 1] = o->first[e] + predict(o, eyes[e], e, o->first[e], pixels);
+    trace(o, eyes, count, pixels);
+    for (uint32_t e = 0; e < count; e++)
+        if (o->first[e + 1] > o->first[e])
+            vcache_learn(o->set, &o->cells[e], o->picks + o->first[e], o->answers + o->first[e],
+                         o->first[e + 1] - o->first[e]);
+}

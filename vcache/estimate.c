@@ -1,0 +1,213 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The rows of a light set as a control variate: what is expected of each light, which lights to trace, what to learn. */
+#include "light_set.h"
+
+#include <math.h>
+#include <string.h>
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+/* Visible rays per thousand by the states of the coarse, middle and fine cell (known | visible << 1: unknown, blocked,
+ * both, visible), counted over four interiors by `bench/policies --states`. Wrong numbers cost rays, never bias. */
+static const uint16_t visible_share[STATES] = {
+    658, 40,  408, 971, /* coarse and middle unknown */
+    82,  27,  268, 670, /* middle blocked */
+    571, 128, 560, 866, /* middle both */
+    955, 341, 648, 978, /* middle visible */
+    81,  13,  258, 822, /* coarse blocked, middle unknown */
+    11,  1,   86,  451, /* middle blocked */
+    174, 21,  117, 512, /* middle both */
+    598, 230, 551, 853, /* middle visible */
+    638, 109, 578, 930, /* coarse both, middle unknown */
+    102, 11,  134, 569, /* middle blocked */
+    581, 105, 534, 930, /* middle both */
+    950, 498, 881, 993, /* middle visible */
+    955, 292, 644, 988, /* coarse visible, middle unknown */
+    484, 217, 407, 776, /* middle blocked */
+    864, 501, 893, 981, /* middle both */
+    992, 632, 888, 999, /* middle visible */
+};
+
+/* Added to each deviation: no light is left out, however sure the cells are. Larger: more rays where nothing changes;
+ * smaller: rare surprises weigh more. */
+static const float least_deviation = 0.02f;
+
+static uint32_t float_bits(float f)
+{
+    uint32_t bits;
+    memcpy(&bits, &f, sizeof bits);
+    return bits;
+}
+
+/* Upper halves of the two floats; the rest is cut off. */
+void predict_states(uint32_t states[STATES])
+{
+    for (int i = 0; i < STATES; i++) {
+        float mean = (float)visible_share[i] / 1000.0f;
+        float deviation = sqrtf(mean * (1.0f - mean)) + least_deviation;
+        states[i] = (float_bits(mean) & 0xffff0000u) | float_bits(deviation) >> 16;
+    }
+}
+
+struct vcache_predictor {
+    vcache_light_set *set;
+    size_t bytes;
+    uint64_t *rows; /* known and visible words of the three cells */
+    float *mean, *weight, *lane, *word;
+    float deviation;
+};
+
+vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **out, char *message)
+{
+    if (message)
+        message[0] = 0;
+    if (!out)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "out is NULL");
+    *out = NULL;
+    if (!set)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "set is NULL");
+    size_t words = set->words, header = (sizeof(vcache_predictor) + 63) / 64 * 64, padded = words * 64;
+    size_t rows = (2 * VCACHE_CELLS * words * sizeof(uint64_t) + 63) / 64 * 64;
+    size_t bytes = header + rows + (2 * padded + LANES * words + words) * sizeof(float);
+    const vcache_allocator *a = &set->cache->config.allocator;
+    char *block = a->allocate(a->context, bytes);
+    if (!block)
+        return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a predictor");
+    vcache_predictor *p = (vcache_predictor *)(void *)block;
+    p->set = set;
+    p->bytes = bytes;
+    p->rows = (uint64_t *)(void *)(block + header);
+    p->mean = (float *)(void *)(block + header + rows);
+    p->weight = p->mean + padded;
+    p->lane = p->weight + padded;
+    p->word = p->lane + LANES * words;
+    *out = p;
+    return VCACHE_OK;
+}
+
+void vcache_predictor_destroy(vcache_predictor **predictor)
+{
+    if (!predictor || !*predictor)
+        return;
+    vcache_allocator a = (*predictor)->set->cache->config.allocator;
+    a.release(a.context, *predictor, (*predictor)->bytes);
+    *predictor = NULL;
+}
+
+uint32_t vcache_light_set_padded(const vcache_light_set *set)
+{
+    return 64 * set->words;
+}
+
+vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye, float ce, uint64_t salt,
+                                 const float *contribution)
+{
+    const vcache_light_set *set = p->set;
+    vcache_prediction out = {.mean = p->mean};
+    predict_input in = {.words = set->words, .table = set->states, .contribution = contribution};
+    uint64_t epoch_key = atomic_load_explicit(&set->cache->epoch_key, memory_order_acquire);
+    if (eye_cells(set->cache, eye, ce, salt, out.cells.key))
+        for (int i = 0; i < VCACHE_CELLS; i++) {
+            out.cells.key[i] = row_key(epoch_key, out.cells.key[i]);
+            row_prefetch(set, out.cells.key[i]);
+        }
+    for (size_t i = 0; i < VCACHE_CELLS; i++) {
+        uint64_t *row = p->rows + 2 * i * set->words;
+        in.known[i] = row;
+        in.visible[i] = row + set->words;
+        if (out.cells.key[i])
+            row_read(set, out.cells.key[i], 0, set->words, row, row + set->words);
+        else
+            memset(row, 0, 2 * set->words * sizeof *row);
+    }
+    const predict_output to = {p->mean, p->weight, p->lane, p->word};
+    out.expected = set->cache->kernels->predict(&in, &to);
+    p->deviation = 0.0f;
+    for (uint32_t w = 0; w < set->words; w++)
+        p->deviation += p->word[w];
+    out.deviation = p->deviation;
+    return out;
+}
+
+/* The weights of all lights side by side on a line, in the order of words, then of lanes; one tooth of a comb of `step`
+ * falls on light i with probability weight / step. Sums over words and lanes skip what no tooth falls on. */
+typedef struct comb {
+    float next, step;
+    vcache_pick *picks;
+    uint32_t count, capacity;
+} comb;
+
+static void comb_light(comb *c, float end, float weight, uint32_t light)
+{
+    if (!(end > c->next) || !(weight > 0.0f) || c->count == c->capacity)
+        return;
+    c->picks[c->count++] = (vcache_pick){light, weight < c->step ? c->step / weight : 1.0f};
+    c->next += c->step;
+    if (end > c->next) /* heavier than a step: taken for sure, and once */
+        c->next += floorf((end - c->next) / c->step + 1.0f) * c->step;
+}
+
+uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, float random, vcache_pick *picks, uint32_t capacity)
+{
+    if (!(p->deviation > 0.0f) || !(rays > 0.0f) || capacity < 3)
+        return 0;
+    if (rays > (float)(capacity - 2))
+        rays = (float)(capacity - 2);
+    comb c = {.step = p->deviation / rays, .picks = picks, .capacity = capacity};
+    c.next = random * c.step;
+    float at = 0.0f;
+    for (uint32_t w = 0; w < p->set->words; at += p->word[w++]) {
+        if (!(at + p->word[w] > c.next))
+            continue;
+        float lane_at = at;
+        for (uint32_t k = 0; k < LANES; lane_at += p->lane[LANES * w + k++]) {
+            if (!(lane_at + p->lane[LANES * w + k] > c.next))
+                continue;
+            float end = lane_at;
+            for (uint32_t i = 64 * w + k; i < 64 * (w + 1); i += LANES) {
+                end += p->weight[i];
+                comb_light(&c, end, p->weight[i], i);
+            }
+        }
+    }
+    return c.count;
+}
+
+void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache_pick *picks,
+                  const vcache_answer *answers, uint32_t count)
+{
+    for (int k = 0; k < VCACHE_CELLS; k++) {
+        uint64_t key = cells->key[k];
+        if (!key || (k > 0 && key == cells->key[k - 1]))
+            continue;
+        bool mine = atomic_load_explicit(&row_of(set, key)[ROW_KEY], memory_order_relaxed) == key, replaced;
+        _Atomic uint64_t *row = NULL;
+        for (uint32_t i = 0; i < count; i++) {
+            bool visible = answers[i] & VCACHE_VISIBLE;
+            if (answers[i] & VCACHE_ONCE || (mine && row_knows(set, row_of(set, key), picks[i].light, visible)))
+                continue;
+            if (!row) {
+                row = row_open(set, key, &replaced);
+                if (!row)
+                    break; /* another thread's turn */
+                mine = false;
+            }
+            row_learn(set, row, picks[i].light, visible);
+        }
+        if (row)
+            row_close(row);
+    }
+}
+
+float vcache_budget_rays(vcache_budget *b, float error)
+{
+    double x = cbrt((double)error * error);
+    if (!isfinite(x))
+        return b->rays;
+    b->sum += x;
+    b->count += 1.0;
+    double rays = b->rays, share = b->sum > 0.0 ? rays * x * b->count / b->sum : rays;
+    return (float)(share > 4.0 * rays ? 4.0 * rays : share < 0.1 * rays ? 0.1 * rays : share);
+}

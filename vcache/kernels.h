@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The loops over the lights of a set. A scalar reference is always built; faster ones replace it where the machine has
+ * the instructions and the config allows them. All give the same bits: sums go in 16 fixed lanes.
+ */
+#ifndef VCACHE_KERNELS_H
+#define VCACHE_KERNELS_H
+
+#include "vcache.h"
+
+enum { LANES = 16, STATES = 64 };
+
+/* Where the lights of a set are, one array a component, padded to whole words of 64. */
+typedef struct light_places {
+    const float *x, *y, *z, *side_squared;
+} light_places;
+
+/* What the three cells of an eye end say of each light: known and visible bits of the finest, middle, coarsest row. The
+ * state of a cell is known | visible << 1; the state of a light is that of all three, finest lowest, 6 bits. */
+typedef struct predict_input {
+    uint32_t words;
+    const uint64_t *known[VCACHE_CELLS], *visible[VCACHE_CELLS];
+    const uint32_t *table; /* [STATES]: expected visibility and its deviation as the upper halves of floats */
+    const float *contribution;
+} predict_input;
+
+/* `lane[16 w + k]`: sum of the weights of lights 64 w + k, + 16, + 32, + 48; `word[w]`: of all 64. Returns the sum of
+ * contribution times mean. */
+typedef struct predict_output {
+    float *mean, *weight, *lane, *word;
+} predict_output;
+
+typedef struct kernels {
+    const char *name;
+    /* Lights of `words` words nearer to the eye end than a cell, or that cannot be quantized (NaN). */
+    void (*near)(const light_places *p, const float eye[3], float eye_side_squared, uint32_t words, uint64_t *bits);
+    /* Algorithm 2 on rows of bits, `rest` being asked for: answered, to be traced, and who goes to the next level.
+     * known[k], seen[k]: the cell (0) and its 4 neighbours; `cells` of them. */
+    void (*decide)(uint32_t words, uint32_t cells, const uint64_t *const known[5], const uint64_t *const seen[5],
+                   const uint64_t *rest, uint64_t *found, uint64_t *missing, uint64_t *differs);
+    float (*predict)(const predict_input *in, const predict_output *out);
+} kernels;
+
+/* The fastest that the machine has among those of `isa` (VCACHE_ISA_...). */
+const kernels *kernels_choose(uint32_t isa);
+
+extern const kernels kernels_scalar;
+#if defined(__x86_64__) && defined(__GNUC__)
+#define KERNELS_X86
+extern const kernels kernels_avx2, kernels_avx512;
+#endif
+
+/* Sum of 16 lanes: halves are added until one is left, so that every vector width gives the same bits. */
+static inline float lanes_sum(const float v[LANES])
+{
+    float a[8], b[4];
+    for (int i = 0; i < 8; i++)
+        a[i] = v[i] + v[i + 8];
+    for (int i = 0; i < 4; i++)
+        b[i] = a[i] + a[i + 4];
+    return (b[0] + b[2]) + (b[1] + b[3]);
+}
+
+#endif
