@@ -41,13 +41,15 @@ static uint32_t float_bits(float f)
     return bits;
 }
 
-/* Upper halves of the two floats; the rest is cut off. */
-void predict_states(uint32_t states[STATES])
+/* The deviation goes into the lower half of the mean, which changes it by less than 2^-7 of itself: any mean will do,
+ * if prediction and correction use the same. */
+void predict_states(float states[STATES])
 {
     for (int i = 0; i < STATES; i++) {
         float mean = (float)visible_share[i] / 1000.0f;
         float deviation = sqrtf(mean * (1.0f - mean)) + least_deviation;
-        states[i] = (float_bits(mean) & 0xffff0000u) | float_bits(deviation) >> 16;
+        uint32_t bits = (float_bits(mean) & 0xffff0000u) | float_bits(deviation) >> 16;
+        memcpy(&states[i], &bits, sizeof bits);
     }
 }
 
@@ -55,7 +57,8 @@ struct vcache_predictor {
     vcache_light_set *set;
     size_t bytes;
     uint64_t *rows; /* known and visible words of the three cells */
-    float *mean, *weight, *lane, *word;
+    float *mean, *sums;
+    const float *contribution; /* the host's */
     float deviation;
 };
 
@@ -70,7 +73,7 @@ vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **
         return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "set is NULL");
     size_t words = set->words, header = (sizeof(vcache_predictor) + 63) / 64 * 64, padded = words * 64;
     size_t rows = (2 * VCACHE_CELLS * words * sizeof(uint64_t) + 63) / 64 * 64;
-    size_t bytes = header + rows + (2 * padded + LANES * words + words) * sizeof(float);
+    size_t bytes = header + rows + (padded + LANES * words) * sizeof(float);
     const vcache_allocator *a = &set->cache->config.allocator;
     char *block = a->allocate(a->context, bytes);
     if (!block)
@@ -80,9 +83,7 @@ vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **
     p->bytes = bytes;
     p->rows = (uint64_t *)(void *)(block + header);
     p->mean = (float *)(void *)(block + header + rows);
-    p->weight = p->mean + padded;
-    p->lane = p->weight + padded;
-    p->word = p->lane + LANES * words;
+    p->sums = p->mean + padded;
     *out = p;
     return VCACHE_OK;
 }
@@ -122,57 +123,61 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
         else
             memset(row, 0, 2 * set->words * sizeof *row);
     }
-    const predict_output to = {p->mean, p->weight, p->lane, p->word};
+    const predict_output to = {p->mean, p->sums};
     out.expected = set->cache->kernels->predict(&in, &to);
+    p->contribution = contribution;
     p->deviation = 0.0f;
     for (uint32_t w = 0; w < set->words; w++)
-        p->deviation += p->word[w];
+        p->deviation += p->sums[LANES * w + LANES - 1];
     out.deviation = p->deviation;
     return out;
 }
 
-/* The weights of all lights side by side on a line, in the order of words, then of lanes; one tooth of a comb of `step`
- * falls on light i with probability weight / step. Sums over words and lanes skip what no tooth falls on. */
-typedef struct comb {
-    float next, step;
-    vcache_pick *picks;
-    uint32_t count, capacity;
-} comb;
-
-static void comb_light(comb *c, float end, float weight, uint32_t light)
+/* The light of a word whose weight lies around `at` on a line along which all weights of the word lie side by side,
+ * lane by lane; *end becomes where its weight ends, *weight what it is. */
+static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, float *end, float *weight)
 {
-    if (!(end > c->next) || !(weight > 0.0f) || c->count == c->capacity)
-        return;
-    c->picks[c->count++] = (vcache_pick){light, weight < c->step ? c->step / weight : 1.0f};
-    c->next += c->step;
-    if (end > c->next) /* heavier than a step: taken for sure, and once */
-        c->next += floorf((end - c->next) / c->step + 1.0f) * c->step;
+    const float *sums = p->sums + LANES * word;
+    uint32_t lane = 0, found = 0;
+    for (uint32_t k = 0; k < LANES - 1; k++)
+        lane += sums[k] <= at;
+    *end = lane > 0 ? sums[lane - 1] : 0.0f;
+    *weight = 0.0f;
+    for (uint32_t i = 64 * word + lane; i < 64 * (word + 1) && !(*weight > 0.0f && *end > at); i += LANES) {
+        float w = p->contribution[i] * deviation_of(p->mean[i]);
+        if (!(w > 0.0f))
+            continue;
+        *end += w;
+        *weight = w;
+        found = i;
+    }
+    return found;
 }
 
+/* A comb of teeth `step` apart falls on the line of all weights: a tooth is on light i with probability weight / step. */
 uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, float random, vcache_pick *picks, uint32_t capacity)
 {
     if (!(p->deviation > 0.0f) || !(rays > 0.0f) || capacity < 3)
         return 0;
     if (rays > (float)(capacity - 2))
         rays = (float)(capacity - 2);
-    comb c = {.step = p->deviation / rays, .picks = picks, .capacity = capacity};
-    c.next = random * c.step;
-    float at = 0.0f;
-    for (uint32_t w = 0; w < p->set->words; at += p->word[w++]) {
-        if (!(at + p->word[w] > c.next))
-            continue;
-        float lane_at = at;
-        for (uint32_t k = 0; k < LANES; lane_at += p->lane[LANES * w + k++]) {
-            if (!(lane_at + p->lane[LANES * w + k] > c.next))
-                continue;
-            float end = lane_at;
-            for (uint32_t i = 64 * w + k; i < 64 * (w + 1); i += LANES) {
-                end += p->weight[i];
-                comb_light(&c, end, p->weight[i], i);
-            }
+    float step = p->deviation / rays, next = random * step, at = 0.0f;
+    uint32_t count = 0;
+    for (uint32_t w = 0; w < p->set->words; w++) {
+        float word = p->sums[LANES * w + LANES - 1];
+        while (at + word > next && count < capacity) {
+            float end, weight;
+            uint32_t light = find_light(p, w, next - at, &end, &weight);
+            /* rounding may find a light again whose weight has just ended */
+            if (weight > 0.0f && !(count > 0 && picks[count - 1].light == light))
+                picks[count++] = (vcache_pick){light, weight < step ? step / weight : 1.0f};
+            next += step;
+            if (at + end > next) /* heavier than a step: taken for sure, and once */
+                next += floorf((at + end - next) / step + 1.0f) * step;
         }
+        at += word;
     }
-    return c.count;
+    return count;
 }
 
 void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache_pick *picks,

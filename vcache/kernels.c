@@ -2,8 +2,6 @@
 /* The scalar kernels, and which ones to use. */
 #include "kernels.h"
 
-#include <string.h>
-
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #endif
@@ -39,32 +37,22 @@ static void decide_scalar(uint32_t words, uint32_t cells, const uint64_t *const 
     }
 }
 
-static float upper_half(uint32_t bits)
-{
-    float f;
-    bits &= 0xffff0000u;
-    memcpy(&f, &bits, sizeof f);
-    return f;
-}
-
 static float predict_scalar(const predict_input *in, const predict_output *out)
 {
     float expected[LANES] = {0};
     for (uint32_t w = 0; w < in->words; w++) {
-        float *lane = out->lane + LANES * w;
-        memset(lane, 0, LANES * sizeof *lane);
+        float *sums = out->sums + LANES * w;
+        memset(sums, 0, LANES * sizeof *sums);
         for (uint32_t i = 0; i < 64; i++) {
             uint32_t at = 64 * w + i, state = 0;
             for (int c = VCACHE_CELLS - 1; c >= 0; c--)
                 state = state << 2 | (uint32_t)(in->visible[c][w] >> i & 1u) << 1 | (uint32_t)(in->known[c][w] >> i & 1u);
-            float mean = upper_half(in->table[state]), deviation = upper_half(in->table[state] << 16);
-            float weight = in->contribution[at] * deviation;
+            float mean = in->table[state];
             out->mean[at] = mean;
-            out->weight[at] = weight;
             expected[i % LANES] += in->contribution[at] * mean;
-            lane[i % LANES] += weight;
+            sums[i % LANES] += in->contribution[at] * deviation_of(mean);
         }
-        out->word[w] = lanes_sum(lane);
+        lanes_scan(sums);
     }
     return lanes_sum(expected);
 }

@@ -8,6 +8,8 @@
 
 #include "vcache.h"
 
+#include <string.h>
+
 enum { LANES = 16, STATES = 64 };
 
 /* Where the lights of a set are, one array a component, padded to whole words of 64. */
@@ -20,14 +22,14 @@ typedef struct light_places {
 typedef struct predict_input {
     uint32_t words;
     const uint64_t *known[VCACHE_CELLS], *visible[VCACHE_CELLS];
-    const uint32_t *table; /* [STATES]: expected visibility and its deviation as the upper halves of floats */
+    const float *table; /* [STATES]: expected visibility; its lower half is the upper half of its deviation */
     const float *contribution;
 } predict_input;
 
-/* `lane[16 w + k]`: sum of the weights of lights 64 w + k, + 16, + 32, + 48; `word[w]`: of all 64. Returns the sum of
- * contribution times mean. */
+/* The weight of a light is its contribution times the deviation. `sums[16 w + k]`: of the weights of lights 64 w + j,
+ * + 16, + 32, + 48 for j = 0 ... k. */
 typedef struct predict_output {
-    float *mean, *weight, *lane, *word;
+    float *mean, *sums;
 } predict_output;
 
 typedef struct kernels {
@@ -38,6 +40,7 @@ typedef struct kernels {
      * known[k], seen[k]: the cell (0) and its 4 neighbours; `cells` of them. */
     void (*decide)(uint32_t words, uint32_t cells, const uint64_t *const known[5], const uint64_t *const seen[5],
                    const uint64_t *rest, uint64_t *found, uint64_t *missing, uint64_t *differs);
+    /* Returns the sum of contribution times mean. */
     float (*predict)(const predict_input *in, const predict_output *out);
 } kernels;
 
@@ -49,6 +52,24 @@ extern const kernels kernels_scalar;
 #define KERNELS_X86
 extern const kernels kernels_avx2, kernels_avx512;
 #endif
+
+/* The deviation that stands in the lower half of a mean. */
+static inline float deviation_of(float mean)
+{
+    uint32_t bits;
+    memcpy(&bits, &mean, sizeof bits);
+    bits <<= 16;
+    memcpy(&mean, &bits, sizeof bits);
+    return mean;
+}
+
+/* Sums of the first 1, 2 ... 16 lanes (Hillis and Steele 1986), in an order that serves every vector width. */
+static inline void lanes_scan(float v[LANES])
+{
+    for (int shift = 1; shift < LANES; shift *= 2)
+        for (int i = LANES - 1; i >= shift; i--)
+            v[i] += v[i - shift];
+}
 
 /* Sum of 16 lanes: halves are added until one is left, so that every vector width gives the same bits. */
 static inline float lanes_sum(const float v[LANES])

@@ -63,38 +63,50 @@ AVX512 static inline float sum_avx512(__m512 v)
     return _mm_cvtss_f32(_mm_add_ss(c, _mm_movehdup_ps(c)));
 }
 
+AVX512 static inline __m512 scan_avx512(__m512 v)
+{
+    const __m512i zero = _mm512_setzero_si512();
+    v = _mm512_add_ps(v, _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512(v), zero, 15)));
+    v = _mm512_add_ps(v, _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512(v), zero, 14)));
+    v = _mm512_add_ps(v, _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512(v), zero, 12)));
+    return _mm512_add_ps(v, _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512(v), zero, 8)));
+}
+
+/* States of 64 lights, a byte each. */
+AVX512 static inline __m512i states_avx512(const predict_input *in, uint32_t w)
+{
+    __m512i state = _mm512_maskz_set1_epi8(in->known[0][w], 1);
+    for (int bit = 1; bit < 2 * VCACHE_CELLS; bit++) {
+        uint64_t on = bit % 2 ? in->visible[bit / 2][w] : in->known[bit / 2][w];
+        state = _mm512_mask_add_epi8(state, on, state, _mm512_set1_epi8((char)(1 << bit)));
+    }
+    return state;
+}
+
 /* The 64 entries lie in 4 registers; the state's upper bit chooses between two permutations of 32. */
 AVX512 static float predict_avx512(const predict_input *in, const predict_output *out)
 {
     const __m512i t0 = _mm512_loadu_si512(in->table), t1 = _mm512_loadu_si512(in->table + 16);
     const __m512i t2 = _mm512_loadu_si512(in->table + 32), t3 = _mm512_loadu_si512(in->table + 48);
-    const __m512i bit[5] = {_mm512_set1_epi32(1), _mm512_set1_epi32(2), _mm512_set1_epi32(4), _mm512_set1_epi32(8),
-                            _mm512_set1_epi32(16)};
-    const __m512i upper = _mm512_set1_epi32((int)0xffff0000u);
+    const __m512i upper = _mm512_set1_epi32(STATES / 2);
     __m512 expected = _mm512_setzero_ps();
     for (uint32_t w = 0; w < in->words; w++) {
-        uint64_t k0 = in->known[0][w], v0 = in->visible[0][w], k1 = in->known[1][w], v1 = in->visible[1][w];
-        uint64_t k2 = in->known[2][w], v2 = in->visible[2][w];
+        const __m512i bytes = states_avx512(in, w);
+        const __m128i part[4] = {_mm512_castsi512_si128(bytes), _mm512_extracti32x4_epi32(bytes, 1),
+                                 _mm512_extracti32x4_epi32(bytes, 2), _mm512_extracti32x4_epi32(bytes, 3)};
         __m512 lane = _mm512_setzero_ps();
-        for (uint32_t i = 0; i < 64; i += LANES) {
-            uint32_t at = 64 * w + i;
-            __m512i state = _mm512_maskz_mov_epi32((__mmask16)(k0 >> i), bit[0]);
-            state = _mm512_mask_or_epi32(state, (__mmask16)(v0 >> i), state, bit[1]);
-            state = _mm512_mask_or_epi32(state, (__mmask16)(k1 >> i), state, bit[2]);
-            state = _mm512_mask_or_epi32(state, (__mmask16)(v1 >> i), state, bit[3]);
-            state = _mm512_mask_or_epi32(state, (__mmask16)(k2 >> i), state, bit[4]);
+        for (uint32_t i = 0; i < 4; i++) {
+            uint32_t at = 64 * w + LANES * i;
+            __m512i state = _mm512_cvtepu8_epi32(part[i]);
             __m512i low = _mm512_permutex2var_epi32(t0, state, t1), high = _mm512_permutex2var_epi32(t2, state, t3);
-            __m512i entry = _mm512_mask_blend_epi32((__mmask16)(v2 >> i), low, high);
-            __m512 mean = _mm512_castsi512_ps(_mm512_and_si512(entry, upper));
-            __m512 deviation = _mm512_castsi512_ps(_mm512_slli_epi32(entry, 16));
-            __m512 c = _mm512_loadu_ps(in->contribution + at), weight = _mm512_mul_ps(c, deviation);
+            __m512i entry = _mm512_mask_blend_epi32(_mm512_test_epi32_mask(state, upper), low, high);
+            __m512 mean = _mm512_castsi512_ps(entry), deviation = _mm512_castsi512_ps(_mm512_slli_epi32(entry, 16));
+            __m512 c = _mm512_loadu_ps(in->contribution + at);
             _mm512_storeu_ps(out->mean + at, mean);
-            _mm512_storeu_ps(out->weight + at, weight);
             expected = _mm512_add_ps(expected, _mm512_mul_ps(c, mean));
-            lane = _mm512_add_ps(lane, weight);
+            lane = _mm512_add_ps(lane, _mm512_mul_ps(c, deviation));
         }
-        _mm512_storeu_ps(out->lane + LANES * w, lane);
-        out->word[w] = sum_avx512(lane);
+        _mm512_storeu_ps(out->sums + LANES * w, scan_avx512(lane));
     }
     return sum_avx512(expected);
 }
@@ -164,7 +176,6 @@ AVX2 static inline __m256i spread_avx2(uint64_t eight, int value)
 
 AVX2 static float predict_avx2(const predict_input *in, const predict_output *out)
 {
-    const __m256i upper = _mm256_set1_epi32((int)0xffff0000u);
     __m256 expected[2] = {_mm256_setzero_ps(), _mm256_setzero_ps()};
     float sum[LANES];
     for (uint32_t w = 0; w < in->words; w++) {
@@ -176,18 +187,16 @@ AVX2 static float predict_avx2(const predict_input *in, const predict_output *ou
                 state = _mm256_or_si256(state, spread_avx2(in->known[c][w] >> i, 1 << 2 * c));
                 state = _mm256_or_si256(state, spread_avx2(in->visible[c][w] >> i, 2 << 2 * c));
             }
-            __m256i entry = _mm256_i32gather_epi32((const int *)(const void *)in->table, state, 4);
-            __m256 mean = _mm256_castsi256_ps(_mm256_and_si256(entry, upper));
-            __m256 deviation = _mm256_castsi256_ps(_mm256_slli_epi32(entry, 16));
-            __m256 c = _mm256_loadu_ps(in->contribution + at), weight = _mm256_mul_ps(c, deviation);
+            __m256 mean = _mm256_i32gather_ps(in->table, state, 4);
+            __m256 deviation = _mm256_castsi256_ps(_mm256_slli_epi32(_mm256_castps_si256(mean), 16));
+            __m256 c = _mm256_loadu_ps(in->contribution + at);
             _mm256_storeu_ps(out->mean + at, mean);
-            _mm256_storeu_ps(out->weight + at, weight);
             expected[half] = _mm256_add_ps(expected[half], _mm256_mul_ps(c, mean));
-            lane[half] = _mm256_add_ps(lane[half], weight);
+            lane[half] = _mm256_add_ps(lane[half], _mm256_mul_ps(c, deviation));
         }
-        _mm256_storeu_ps(out->lane + LANES * w, lane[0]);
-        _mm256_storeu_ps(out->lane + LANES * w + 8, lane[1]);
-        out->word[w] = lanes_sum(out->lane + LANES * w);
+        _mm256_storeu_ps(out->sums + LANES * w, lane[0]);
+        _mm256_storeu_ps(out->sums + LANES * w + 8, lane[1]);
+        lanes_scan(out->sums + LANES * w);
     }
     _mm256_storeu_ps(sum, expected[0]);
     _mm256_storeu_ps(sum + 8, expected[1]);

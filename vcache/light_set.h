@@ -29,11 +29,11 @@ struct vcache_light_set {
     _Atomic uint64_t *memory;
     vcache_light *lights;
     float *x, *y, *z, *side_squared; /* of the lights, for bypasses; padded to whole words */
-    uint32_t states[STATES];         /* kernels.h */
+    float states[STATES];            /* predict_input.table of kernels.h */
 };
 
-/* estimate.c: the table of kernels.h. */
-void predict_states(uint32_t states[STATES]);
+/* estimate.c */
+void predict_states(float states[STATES]);
 
 static inline uint64_t row_key(uint64_t epoch_key, uint64_t half)
 {

@@ -317,7 +317,7 @@ typedef struct vcache_pick {
     float weight; /* 1 / p_i, at least 1 */
 } vcache_pick;
 
-/* Scratch of one thread for one set (about 9 bytes a light). */
+/* Scratch of one thread for one set (about 6 bytes a light). */
 typedef struct vcache_predictor vcache_predictor;
 VCACHE_API vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **out, char *message);
 /* Before its set. */
@@ -327,7 +327,7 @@ VCACHE_API void vcache_predictor_destroy(vcache_predictor **predictor);
 VCACHE_API uint32_t vcache_light_set_padded(const vcache_light_set *set);
 
 /* `contribution` has vcache_light_set_padded floats, each finite and >= 0 (0: not asked, never drawn; so the padding),
- * in any unit that is the same for all lights (luminance, say). `ce` is C_E of the finest cell, `salt` as in
+ * in any unit that is the same for all lights (luminance, say), and must stay as it is until the lights are picked. `ce` is C_E of the finest cell, `salt` as in
  * vcache_prepare_eye. */
 VCACHE_API vcache_prediction vcache_predict(vcache_predictor *predictor, const vcache_surface *eye, float ce,
                                             uint64_t salt, const float *contribution);

@@ -12,7 +12,7 @@ enum { PICKS = 64 }; /* of one eye sample, at most */
 /* A ray on its way, and what either answer adds to the pixel. */
 typedef struct correction {
     rgb if_visible, if_blocked;
-    uint32_t pixel;
+    uint32_t eye; /* of the chunk */
 } correction;
 
 struct estimator {
@@ -32,6 +32,8 @@ struct estimator {
     vcache_pick picks[CHUNK * PICKS];
     vcache_answer answers[CHUNK * PICKS];
     correction corrections[CHUNK * PICKS];
+    uint16_t order[CHUNK * PICKS]; /* of the picks, by light */
+    uint32_t *start;               /* of each light in it */
 };
 
 estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *set)
@@ -48,6 +50,8 @@ estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *s
     o->geometry = floats_new(vpls->padded);
     o->contribution = floats_new(padded);
     o->punctual = xcalloc(v->scene->light_count + 1, sizeof *o->punctual);
+    o->lights = vpls->padded + v->scene->light_count;
+    o->start = xcalloc(o->lights + 1, sizeof *o->start);
     packet_init(&o->packet);
     if (vcache_predictor_create(set, &o->predictor, NULL) != VCACHE_OK)
         o->predictor = xmalloc(SIZE_MAX);
@@ -62,6 +66,7 @@ void estimator_free(estimator *o)
     free(o->geometry);
     free(o->contribution);
     free(o->punctual);
+    free(o->start);
     free(o);
 }
 
@@ -134,7 +139,7 @@ static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32
     for (uint32_t k = 0; k < n; k++) {
         uint32_t i = o->picks[at + k].light;
         rgb value = v3_scale(light_value(o, e, i), o->picks[at + k].weight);
-        o->corrections[at + k] = (correction){v3_scale(value, 1.0f - p.mean[i]), v3_scale(value, -p.mean[i]), e->pixel};
+        o->corrections[at + k] = (correction){v3_scale(value, 1.0f - p.mean[i]), v3_scale(value, -p.mean[i]), slot};
     }
     pixels->traced[e->pixel] += n;
     o->counts.traced += n;
@@ -159,22 +164,35 @@ static void aim(estimator *o, uint32_t lane, const eye_sample *e, uint32_t i)
     p->tfar[lane] = end;
 }
 
+/* Neighbours in the order of lights make packets that go one way. */
+static void sort_picks(estimator *o, uint32_t count)
+{
+    memset(o->start, 0, (o->lights + 1) * sizeof *o->start);
+    for (uint32_t i = 0; i < count; i++)
+        o->start[o->picks[i].light + 1]++;
+    for (uint32_t i = 0; i < o->lights; i++)
+        o->start[i + 1] += o->start[i];
+    for (uint32_t i = 0; i < count; i++)
+        o->order[o->start[o->picks[i].light]++] = (uint16_t)i;
+}
+
 static void trace(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels)
 {
-    uint32_t e = 0, all = o->first[count];
-    for (uint32_t at = 0; at < all; at += GROUP) {
-        uint32_t n = all - at < GROUP ? all - at : GROUP;
+    sort_picks(o, count);
+    for (uint32_t at = 0; at < count; at += GROUP) {
+        uint32_t n = count - at < GROUP ? count - at : GROUP;
         for (uint32_t k = 0; k < n; k++) {
-            while (at + k >= o->first[e + 1])
-                e++;
-            aim(o, k, eyes[e], o->picks[at + k].light);
+            uint32_t pick = o->order[at + k];
+            aim(o, k, eyes[o->corrections[pick].eye], o->picks[pick].light);
         }
         uint32_t blocked = tracer_occluded16(o->view->tracer, &o->packet, (1u << n) - 1, false);
         for (uint32_t k = 0; k < n; k++) {
-            const correction *c = &o->corrections[at + k];
+            uint32_t pick = o->order[at + k];
+            const correction *c = &o->corrections[pick];
             bool visible = !(blocked >> k & 1u);
-            o->answers[at + k] = visible ? VCACHE_VISIBLE : VCACHE_BLOCKED;
-            pixels->lit[c->pixel] = v3_add(pixels->lit[c->pixel], visible ? c->if_visible : c->if_blocked);
+            o->answers[pick] = visible ? VCACHE_VISIBLE : VCACHE_BLOCKED;
+            rgb *pixel = &pixels->lit[eyes[c->eye]->pixel];
+            *pixel = v3_add(*pixel, visible ? c->if_visible : c->if_blocked);
         }
     }
 }
@@ -183,7 +201,7 @@ void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count
 {
     for (uint32_t e = 0; e < count; e++)
         o->first[e + 1] = o->first[e] + predict(o, eyes[e], e, o->first[e], pixels);
-    trace(o, eyes, count, pixels);
+    trace(o, eyes, o->first[count], pixels);
     for (uint32_t e = 0; e < count; e++)
         if (o->first[e + 1] > o->first[e])
             vcache_learn(o->set, &o->cells[e], o->picks + o->first[e], o->answers + o->first[e],

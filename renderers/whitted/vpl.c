@@ -11,6 +11,7 @@
 
 #include "../common/parallel.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -31,6 +32,7 @@ typedef struct candidate {
     vec3 position, normal, geometric;
     rgb power; /* W / sr along the normal */
     float weight;
+    uint64_t code; /* Morton code of the position */
 } candidate;
 
 typedef struct candidates {
@@ -372,6 +374,34 @@ static void estimate_density(void *context, int thread, size_t index)
     l->density[index] = k > 1 && nearest[k - 1] > 0.0f ? (float)(k - 1) / (PI_F * nearest[k - 1]) : INFINITY;
 }
 
+/* Lights in a row are neighbours: what is drawn or traced in their order is spread over the scene, or coherent. */
+static int by_code(const void *a, const void *b)
+{
+    const candidate *x = a, *y = b;
+    return (x->code > y->code) - (x->code < y->code);
+}
+
+static uint64_t spread3(uint64_t x) /* 21 bits, two zeros between each */
+{
+    x = (x | x << 32) & 0x1f00000000ffffu;
+    x = (x | x << 16) & 0x1f0000ff0000ffu;
+    x = (x | x << 8) & 0x100f00f00f00f00fu;
+    x = (x | x << 4) & 0x10c30c30c30c30c3u;
+    return (x | x << 2) & 0x1249249249249249u;
+}
+
+static void sort_by_place(candidates *c, vec3 low, vec3 size)
+{
+    float scale = 0x1p20f / fmaxf(v3_max_component(size), FLT_MIN);
+    for (size_t i = 0; i < c->count; i++) {
+        vec3 p = v3_scale(v3_sub(c->items[i].position, low), scale);
+        uint64_t cell[3] = {(uint64_t)fmaxf(p.x, 0.0f), (uint64_t)fmaxf(p.y, 0.0f), (uint64_t)fmaxf(p.z, 0.0f)};
+        c->items[i].code = spread3(cell[0] & 0x1fffff) | spread3(cell[1] & 0x1fffff) << 1 |
+                           spread3(cell[2] & 0x1fffff) << 2;
+    }
+    qsort(c->items, c->count, sizeof *c->items, by_code);
+}
+
 static vpl_set pack(const candidates *c, uint64_t paths, float clamp)
 {
     vpl_set l = {.count = (uint32_t)c->count, .clamp = clamp};
@@ -410,6 +440,7 @@ vpl_set vpls_new(const view *v)
             all = trace_candidates(&j, wanted, &paths);
         free(j.power_lights);
         resample(&all, wanted, v->settings.seed);
+        sort_by_place(&all, v->scene->bounds_min, size);
     }
     vpl_set l = pack(&all, paths > 0 ? paths : 1, j.clamp);
     free(all.items);
