@@ -79,7 +79,8 @@ uint64_t vcache_light_set_rows(const vcache_light_set *s)
 
 /* -------------------------------------------------------------------------------------------------------- queries */
 
-step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye *eye, uint32_t light, uint32_t level)
+step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye *eye, uint32_t light, uint32_t level,
+              bool coarse)
 {
     step s = {.level = level};
     uint64_t bit = (uint64_t)1 << (light % 64), known, visible;
@@ -89,7 +90,7 @@ step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye 
         s.at = (place){hash_fold(row, hash_words(light, (uintptr_t)set, row)), row};
         s.known = row_read(set, row, light / 64, 1, &known, &visible) && known & bit;
         s.visible = visible & bit;
-        if (!s.known || s.level + 1 == eye->levels)
+        if (!s.known || coarse || s.level + 1 == eye->levels)
             return s;
         bool differs = false;
         for (int i = 0; i < 4 && !differs; i++) {
@@ -124,12 +125,13 @@ void set_write(vcache_worker *w, uint32_t first, uint32_t end, const vcache_answ
 }
 
 static void ask_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint32_t base, uint64_t bits,
-                    uint32_t level, uint64_t row, uint64_t *visible)
+                    uint32_t level, uint64_t row, const uint64_t *refine, uint64_t *visible)
 {
     pair p = {.from.eye = eye, .set = set, .visible = visible, .level = (uint8_t)level};
     for (; bits; bits &= bits - 1) {
         p.bit = base + (uint32_t)count_trailing_zeros(bits);
         p.to.light = &set->lights[p.bit];
+        p.coarse = refine && !(refine[p.bit / 64] >> p.bit % 64 & 1u);
         if (level == NO_LEVEL)
             worker_add_miss(w, &p, (place){0});
         else
@@ -142,7 +144,7 @@ enum { PIECE = 16 };
 
 /* Algorithm 2 for up to PIECE words of lights at a time. `rest`: who is still on the way. */
 static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint64_t epoch_key, uint32_t first,
-                     uint32_t count, uint64_t rest[PIECE], uint64_t *visible)
+                     uint32_t count, uint64_t rest[PIECE], const uint64_t *refine, uint64_t *visible)
 {
     for (uint32_t d = 0; d < eye->levels; d++) {
         const eye_level *l = &eye->level[d];
@@ -160,11 +162,15 @@ static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *
         const uint64_t *const look[5] = {seen[0], seen[1], seen[2], seen[3], seen[4]};
         w->cache->kernels->decide(count, (uint32_t)cells, have, look, rest, found, missing, rest);
         for (uint32_t i = 0; i < count; i++) {
+            if (refine) { /* good enough as they are */
+                found[i] |= rest[i] & ~refine[first + i];
+                rest[i] &= refine[first + i];
+            }
             hits += count_ones(found[i]);
             visible[first + i] = (visible[first + i] & ~found[i]) | (found[i] & seen[0][i]);
             any |= rest[i];
             if (missing[i])
-                ask_set(w, set, eye, 64 * (first + i), missing[i], d, keys[0], visible);
+                ask_set(w, set, eye, 64 * (first + i), missing[i], d, keys[0], refine, visible);
         }
         w->statistics.hits[d] += hits;
         w->statistics.hit_levels |= (uint32_t)(hits != 0) << d;
@@ -175,6 +181,12 @@ static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *
 
 uint32_t vcache_add_set(vcache_worker *w, const vcache_eye *eye, vcache_light_set *set, uint32_t first,
                         const uint64_t *asked, uint64_t *visible)
+{
+    return vcache_add_set_refining(w, eye, set, first, asked, NULL, visible);
+}
+
+uint32_t vcache_add_set_refining(vcache_worker *w, const vcache_eye *eye, vcache_light_set *set, uint32_t first,
+                                 const uint64_t *asked, const uint64_t *refine, uint64_t *visible)
 {
     uint64_t epoch_key = worker_epoch(w);
     while (first < set->count) {
@@ -201,10 +213,10 @@ uint32_t vcache_add_set(vcache_worker *w, const vcache_eye *eye, vcache_light_se
         for (uint32_t i = 0; i < words; i++) {
             uint64_t exact = all ? rest[i] : rest[i] & near[i];
             if (exact)
-                ask_set(w, set, eye, 64 * (start + i), exact, NO_LEVEL, 0, visible);
+                ask_set(w, set, eye, 64 * (start + i), exact, NO_LEVEL, 0, NULL, visible);
             rest[i] &= ~exact;
         }
-        add_rows(w, set, eye, epoch_key, start, words, rest, visible);
+        add_rows(w, set, eye, epoch_key, start, words, rest, refine, visible);
         if (full)
             break;
     }

@@ -251,6 +251,13 @@ VCACHE_API uint32_t vcache_add(vcache_worker *worker, const vcache_eye *eye, con
 VCACHE_API uint32_t vcache_add_set(vcache_worker *worker, const vcache_eye *eye, vcache_light_set *set, uint32_t first,
                                    const uint64_t *asked, uint64_t *visible);
 
+/* The same, refining only lights whose bit is set in `refine`: for the others a known cell answers even if a neighbour
+ * differs. Most lights bring little each: where those left out hold a share X of an eye end's unoccluded light, no more
+ * than X of it can be lost by leaving them out. */
+VCACHE_API uint32_t vcache_add_set_refining(vcache_worker *worker, const vcache_eye *eye, vcache_light_set *set,
+                                            uint32_t first, const uint64_t *asked, const uint64_t *refine,
+                                            uint64_t *visible);
+
 /* The same for one pair of vertices (Eq. 6, no refinement); false where the batch is full and the pair was not taken.
  */
 VCACHE_API bool vcache_add_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light, uint64_t *visible,

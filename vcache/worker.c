@@ -185,7 +185,7 @@ static void enter_again(vcache_worker *w, pair *p, uint64_t epoch_key)
     if (p->vertices)
         table_enter_vertices(w, p, epoch_key);
     else if (p->set)
-        worker_finish(w, p, set_walk(p->set, epoch_key, p->from.eye, p->bit, p->level));
+        worker_finish(w, p, set_walk(p->set, epoch_key, p->from.eye, p->bit, p->level, p->coarse));
     else
         worker_finish(w, p, table_walk(w->cache, epoch_key, p->from.eye, p->to.light, p->level));
 }

@@ -23,6 +23,7 @@ typedef struct pair {
     uint32_t bit;
     uint8_t level; /* of the cell that it waits for; NO_LEVEL: a bypass, not to be stored */
     bool vertices;
+    bool coarse; /* not to be refined */
     bool alone; /* the cell's answers cannot be shared: trace without waiting for another pair's */
 } pair;
 
@@ -104,7 +105,8 @@ void table_enter_vertices(vcache_worker *w, pair *p, uint64_t epoch_key);
 void table_write(vcache_worker *w, place at, bool visible);
 
 /* light_set.c: the same over the rows of a set. */
-step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye *eye, uint32_t light, uint32_t level);
+step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye *eye, uint32_t light, uint32_t level,
+              bool coarse);
 /* Writes the answers of misses [first, end), all of one row. */
 void set_write(vcache_worker *w, uint32_t first, uint32_t end, const vcache_answer *answers);
 

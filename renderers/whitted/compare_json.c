@@ -52,6 +52,8 @@ static void add_scene(cJSON *j, const comparison *c)
     whole(j, "seed", f->seed);
     cJSON_AddStringToObject(j, "mode", visibility_names[f->visibility]);
     setting(j, "ce", f->ce);
+    setting(j, "select", f->rays);
+    setting(j, "refine_above", f->refine_above);
     setting(j, "ce_delta", f->ce_delta);
     setting(j, "ce_samples", f->ce_samples);
     number(j, "cn", f->cache.normal_bins);

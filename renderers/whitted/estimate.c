@@ -7,8 +7,6 @@
 
 #include <string.h>
 
-enum { PICKS = 64 }; /* of one eye sample, at most */
-
 /* A ray on its way, and what either answer adds to the pixel. */
 typedef struct correction {
     rgb if_visible, if_blocked;
@@ -26,15 +24,22 @@ struct estimator {
     light_sample *punctual;
     ray_packet packet;
     ray_counts counts;
-    /* of one chunk */
+    uint32_t capacity; /* picks of one eye sample, at most */
+    /* of one chunk; picks [CHUNK * capacity] */
     vcache_cells cells[CHUNK];
     uint32_t first[CHUNK + 1]; /* pick of each eye sample */
-    vcache_pick picks[CHUNK * PICKS];
-    vcache_answer answers[CHUNK * PICKS];
-    correction corrections[CHUNK * PICKS];
-    uint16_t order[CHUNK * PICKS]; /* of the picks, by light */
-    uint32_t *start;               /* of each light in it */
+    vcache_pick *picks;
+    vcache_answer *answers;
+    correction *corrections;
+    uint32_t *order; /* of the picks, by light */
+    uint32_t *start; /* of each light in it */
 };
+
+/* A ray drawn alone costs two to four of a coherent packet, the rest of a prediction some ten. */
+bool estimator_pays(const view *v, const vpl_set *vpls)
+{
+    return (float)(vpls->count + v->scene->light_count) > 4.0f * v->settings.rays + 16.0f;
+}
 
 estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *set)
 {
@@ -52,6 +57,13 @@ estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *s
     o->punctual = xcalloc(v->scene->light_count + 1, sizeof *o->punctual);
     o->lights = vpls->padded + v->scene->light_count;
     o->start = xcalloc(o->lights + 1, sizeof *o->start);
+    /* a budget gives up to four times its mean, a comb one more */
+    o->capacity = (uint32_t)fminf(4.0f * v->settings.rays, (float)o->lights) + 4;
+    size_t picks = (size_t)CHUNK * o->capacity;
+    o->picks = xmalloc(picks * sizeof *o->picks);
+    o->answers = xmalloc(picks * sizeof *o->answers);
+    o->corrections = xmalloc(picks * sizeof *o->corrections);
+    o->order = xmalloc(picks * sizeof *o->order);
     packet_init(&o->packet);
     if (vcache_predictor_create(set, &o->predictor, NULL) != VCACHE_OK)
         o->predictor = xmalloc(SIZE_MAX);
@@ -66,6 +78,10 @@ void estimator_free(estimator *o)
     free(o->geometry);
     free(o->contribution);
     free(o->punctual);
+    free(o->picks);
+    free(o->answers);
+    free(o->corrections);
+    free(o->order);
     free(o->start);
     free(o);
 }
@@ -135,7 +151,7 @@ static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32
     pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], sum);
 
     float rays = vcache_budget_rays(&o->budget, p.deviation * tint);
-    uint32_t n = vcache_pick_lights(o->predictor, rays, e->stratum, o->picks + at, PICKS);
+    uint32_t n = vcache_pick_lights(o->predictor, rays, e->stratum, o->picks + at, o->capacity);
     for (uint32_t k = 0; k < n; k++) {
         uint32_t i = o->picks[at + k].light;
         rgb value = v3_scale(light_value(o, e, i), o->picks[at + k].weight);
@@ -173,7 +189,7 @@ static void sort_picks(estimator *o, uint32_t count)
     for (uint32_t i = 0; i < o->lights; i++)
         o->start[i + 1] += o->start[i];
     for (uint32_t i = 0; i < count; i++)
-        o->order[o->start[o->picks[i].light]++] = (uint16_t)i;
+        o->order[o->start[o->picks[i].light]++] = i;
 }
 
 static void trace(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels)

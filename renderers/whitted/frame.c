@@ -21,6 +21,7 @@ typedef struct station {
     tile_pixels pixels;
     uint32_t *order; /* of eye samples */
     size_t order_capacity;
+    bool aside; /* this pass is exact */
     double shade_s;
     uint64_t mispredicted, sample_count;
     bool ready;
@@ -28,6 +29,7 @@ typedef struct station {
 
 typedef struct job {
     const view *v;
+    visibility_mode mode; /* that serves this frame: exact where the chosen one cannot pay */
     const vpl_set *vpls;
     caches shared;
     station *stations;
@@ -77,7 +79,7 @@ static void sort_samples(const job *j, station *s)
         s->order_capacity = 2 * n;
         s->order = xrealloc(s->order, s->order_capacity * sizeof *s->order);
     }
-    if (j->v->settings.visibility == VISIBILITY_EXACT) {
+    if (j->mode == VISIBILITY_EXACT || s->aside) {
         for (size_t i = 0; i < n; i++)
             s->order[i] = (uint32_t)i;
         return;
@@ -152,11 +154,11 @@ static void prepare_station(job *j, station *s)
 {
     tracer_thread_init();
     const caches *c = j->v->settings.shared ? &j->shared : &s->caches;
-    if (j->v->settings.visibility == VISIBILITY_ESTIMATE && c->all_set)
+    if (j->mode == VISIBILITY_ESTIMATE)
         s->estimator = estimator_new(j->v, j->vpls, c->all_set);
     s->lights = s->estimator ? &vpls_none : j->vpls; /* what is left to the chunk is exact then */
     chunk_new(&s->chunk, j->v, s->lights, s->estimator ? 0 : j->v->scene->light_count);
-    s->visibility = visibility_new(j->v, s->lights, j->v->settings.visibility == VISIBILITY_CACHE ? c : NULL);
+    s->visibility = visibility_new(j->v, s->lights, j->mode == VISIBILITY_CACHE ? c : NULL);
     s->ready = true;
 }
 
@@ -164,6 +166,7 @@ static void prepare_station(job *j, station *s)
 static void light_samples(job *j, station *s, size_t pass)
 {
     double start = now();
+    s->aside = visibility_steps_aside(s->visibility);
     sort_samples(j, s);
     if (j->record)
         j->record->passes[pass] = xcalloc(s->samples.count * row_words(&s->chunk) + 1, sizeof(uint64_t));
@@ -272,12 +275,13 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         record->passes = xcalloc(record->pass_count, sizeof *record->passes);
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
-    double ce = f->visibility == VISIBILITY_EXACT ? 1.0 : (double)f->ce / sqrt(f->spp);
+    j.mode = f->visibility == VISIBILITY_ESTIMATE && !estimator_pays(v, &vpls) ? VISIBILITY_EXACT : f->visibility;
+    double ce = j.mode == VISIBILITY_EXACT ? 1.0 : (double)f->ce / sqrt(f->spp);
     halton_order(TILE, TILE, ce, order, starts, &segments);
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
 
-    bool ok = f->visibility == VISIBILITY_EXACT || make_caches(&j, threads, err);
+    bool ok = j.mode == VISIBILITY_EXACT || make_caches(&j, threads, err);
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
         j.stretch = stretch_of(j.tile_count, threads);

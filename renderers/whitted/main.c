@@ -32,8 +32,9 @@ static arguments defaults(void)
     s->spp = 1;
     s->vpls = 1024;
     s->env_samples = s->light_samples = -1;
-    s->rays = 6.0f;
-    s->ce = 8.0f;
+    s->rays = -1.0f;
+    s->refine_above = 0.5f;
+    s->ce = -1.0f;
     s->ce_delta = -1.0f;
     s->cache = vcache_default_config();
     return a;
@@ -62,9 +63,9 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
          .help = "how shadows are decided"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
-         .help = "rays per eye path for --visibility estimate, on average"},
+         .shown = "96 / spp", .help = "rays per eye path for --visibility estimate, on average"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
-         .help = "C_E of virtual point lights: cell size in eye samples a side"},
+         .shown = "8; estimate: 12", .help = "C_E of virtual point lights: cell size in eye samples a side"},
         {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = 0, .max = 10000, .metavar = "X",
          .shown = "a pixel; 0 if few", .help = "C_E of punctual lights; 0: they are traced"},
         {.name = "ce-samples", .kind = OPTION_FLOAT, .value = &s->ce_samples, .min = 0, .max = 10000, .metavar = "X",
@@ -77,6 +78,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .help = "C_R: ratio of successive resolutions"},
         {.name = "refine", .kind = OPTION_INT, .value = &c->levels, .min = 0, .max = VCACHE_MAX_LEVELS,
          .help = "C_MSR: levels of refinement, 1 for none, 0 for log2 C_E"},
+        {.name = "refine-above", .kind = OPTION_FLOAT, .value = &s->refine_above, .min = 0, .max = 1000, .metavar = "X",
+         .help = "lights below X of the mean contribution are not refined"},
         {.name = "cache-mb", .kind = OPTION_INT, .value = &a->cache_mb, .min = 1, .max = 16384,
          .help = "size of each cache in MiB"},
         {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, .help = "one cache for all threads"},
@@ -113,6 +116,10 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->visibility = (visibility_mode)a->visibility;
     s->shared = a->shared;
     s->words = a->store == 1;
+    if (s->ce < 0.0f)
+        s->ce = s->visibility == VISIBILITY_ESTIMATE ? 12.0f : 8.0f;
+    if (s->rays < 0.0f) /* about the same error with any number of paths */
+        s->rays = fmaxf(0.1f, 96.0f / (float)s->spp);
     int samples = (int)ceilf(8.0f / sqrtf((float)s->spp));
     s->env_samples = s->env_samples < 0 ? samples : s->env_samples;
     s->light_samples = s->light_samples < 0 ? samples : s->light_samples;

@@ -36,6 +36,9 @@ void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual)
     memset(c, 0, sizeof *c);
     uint32_t samples = direct_sample_count(v);
     bits_new(&c->bits[LIGHTS_VIRTUAL], vpls->count);
+    if (v->settings.refine_above > 0.0f)
+        c->bits[LIGHTS_VIRTUAL].refine =
+            xcalloc((size_t)CHUNK * c->bits[LIGHTS_VIRTUAL].words + 1, sizeof(uint64_t));
     bits_new(&c->bits[LIGHTS_PUNCTUAL], punctual);
     bits_new(&c->bits[LIGHTS_SAMPLED], samples);
     c->geometry = floats_new((size_t)CHUNK * vpls->padded);
@@ -51,6 +54,7 @@ void chunk_free(chunk *c)
     for (int g = 0; g < LIGHT_GROUPS; g++) {
         free(c->bits[g].asked);
         free(c->bits[g].visible);
+        free(c->bits[g].refine);
     }
     free(c->geometry);
     free(c->contribution);
@@ -112,14 +116,25 @@ uint32_t shade_contributions(const vpl_set *vpls, const eye_sample *e, const flo
     return (flat ? contributions_flat : contributions_smooth)(vpls, e, power, geometry, out);
 }
 
-CLONES static void positive_bits(const float *restrict values, uint32_t words, uint64_t *restrict bits)
+CLONES static void bits_above(const float *restrict values, float bound, uint32_t words, uint64_t *restrict bits)
 {
     for (uint32_t w = 0; w < words; w++) {
         uint64_t word = 0;
         for (uint32_t i = 0; i < 64; i++)
-            word |= (uint64_t)(values[64 * w + i] > 0.0f) << i;
+            word |= (uint64_t)(values[64 * w + i] > bound) << i;
         bits[w] = word;
     }
+}
+
+static float sum_of(const float *values, uint32_t count)
+{
+    float lane[16] = {0}, sum = 0.0f;
+    for (uint32_t i = 0; i < count; i += 16)
+        for (uint32_t k = 0; k < 16; k++)
+            lane[k] += values[i + k];
+    for (uint32_t k = 0; k < 16; k++)
+        sum += lane[k];
+    return sum;
 }
 
 /* Sum of geometry times power over the visible lights, in 16 fixed lanes. */
@@ -215,8 +230,13 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         if (!(material_reflectance(&s->surface) > 0.0f))
             continue;
         float *geometry = c->geometry + (size_t)e * vpls->padded;
-        shade_contributions(vpls, s, vpls->luminance, geometry, c->contribution);
-        positive_bits(geometry, virtual->words, virtual->asked + (size_t)e * virtual->words);
+        uint32_t asked = shade_contributions(vpls, s, vpls->luminance, geometry, c->contribution);
+        bits_above(geometry, 0.0f, virtual->words, virtual->asked + (size_t)e * virtual->words);
+        if (virtual->refine) {
+            float mean = sum_of(c->contribution, vpls->padded) / (float)(asked + 1);
+            bits_above(c->contribution, v->settings.refine_above * mean, virtual->words,
+                       virtual->refine + (size_t)e * virtual->words);
+        }
 
         light_sample *p = c->punctual + (size_t)e * punctual->lights;
         for (uint32_t i = 0; i < punctual->lights; i++)

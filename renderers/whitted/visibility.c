@@ -18,6 +18,8 @@ struct visibility {
     char *eyes; /* [CHUNK][3] */
     chunk *chunk;
     tile_pixels *pixels;
+    uint64_t asked, traced; /* of the cache, in this pass */
+    uint32_t aside, patience; /* passes to go that are exact; how many the next time */
 };
 
 ray_counts visibility_counts(const visibility *o)
@@ -153,9 +155,10 @@ static void add_all(visibility *o, const vcache_eye *eye, const vcache_light *li
                     const pair_bits *b, uint32_t e)
 {
     const uint64_t *asked = b->asked + (size_t)e * b->words;
+    const uint64_t *refine = b->refine ? b->refine + (size_t)e * b->words : NULL;
     uint64_t *visible = b->visible + (size_t)e * b->words;
     for (uint32_t i = 0; i < b->lights;) {
-        i = set ? vcache_add_set(o->worker, eye, set, i, asked, visible)
+        i = set ? vcache_add_set_refining(o->worker, eye, set, i, asked, refine, visible)
                 : vcache_add(o->worker, eye, lights, i, b->lights, asked, visible);
         if (i < b->lights)
             vcache_resolve(o->worker, trace_misses, o);
@@ -251,11 +254,30 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
     vcache_statistics s = {.size = sizeof s};
     vcache_worker_statistics(o->worker, &s);
     o->counts.traced += s.traced;
+    o->asked += s.asked;
+    o->traced += s.traced;
     vcache_worker_reset_statistics(o->worker);
     if (!(f->ce_delta > 0.0f))
         trace_uncached(o, c, LIGHTS_PUNCTUAL, pixels);
     if (!(f->ce_samples > 0.0f))
         trace_uncached(o, c, LIGHTS_SAMPLED, pixels);
+}
+
+/* A missing ray and its bookkeeping cost about four rays of coherent packets. The longer it does not pay, the more
+ * rarely it is tried again. */
+enum { ASIDE_ABOVE = 25, PATIENCE_MAX = 32 }; /* per cent; passes */
+
+bool visibility_steps_aside(visibility *o)
+{
+    if (o->aside > 0) {
+        o->aside--;
+    } else if (o->asked > 0) {
+        bool pays = 100 * o->traced <= ASIDE_ABOVE * o->asked;
+        o->patience = pays ? 0 : o->patience == 0 ? 2 : o->patience < PATIENCE_MAX ? 2 * o->patience : PATIENCE_MAX;
+        o->aside = o->patience;
+    }
+    o->asked = o->traced = 0;
+    return o->aside > 0;
 }
 
 /* -------------------------------------------------------------------------------------------------------- both */
@@ -276,8 +298,8 @@ visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *use
     uint32_t samples = direct_sample_count(v), words = (samples + 63) / 64;
     o->sampled = xmalloc(((size_t)CHUNK * samples + 1) * vcache_light_size());
     o->order = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *o->order);
-    o->ordered = (pair_bits){samples, words, xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t)),
-                             xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t))};
+    o->ordered = (pair_bits){.lights = samples, .words = words, .asked = xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t)),
+                             .visible = xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t))};
     if (vcache_worker_create(used->table, NULL, &o->worker, NULL) != VCACHE_OK)
         o->worker = xmalloc(SIZE_MAX);
     return o;
@@ -299,7 +321,7 @@ void visibility_free(visibility *o)
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels)
 {
     o->counts.asked += count_asked(c, pixels);
-    if (o->caches)
+    if (o->caches && !o->aside)
         resolve_cached(o, c, pixels);
     else
         resolve_exact(o, c, pixels);

@@ -44,6 +44,7 @@ typedef struct settings {
     visibility_mode visibility;
     float rays;       /* mean per eye sample for VISIBILITY_ESTIMATE */
     float ce;         /* C_E of virtual point lights; of the finest cells of VISIBILITY_ESTIMATE */
+    float refine_above; /* virtual point lights below this times the eye sample's mean contribution are not refined */
     float ce_delta;   /* of point, spot and directional lights; 0: these are traced */
     float ce_samples; /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
@@ -131,6 +132,7 @@ typedef struct light_sample {
 typedef struct pair_bits {
     uint32_t lights, words; /* 64-bit words a row */
     uint64_t *asked, *visible;
+    uint64_t *refine; /* worth a finer cell; NULL: all */
 } pair_bits;
 
 enum light_group { LIGHTS_VIRTUAL, LIGHTS_PUNCTUAL, LIGHTS_SAMPLED, LIGHT_GROUPS };
@@ -204,6 +206,9 @@ void caches_free(caches *c);
 /* `used` is NULL for exact visibility. */
 visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *used);
 void visibility_free(visibility *o);
+/* Before each pass over a tile. True where it is to be exact: of what was asked of the cache last, so much had to be
+ * traced that packets of all of it are faster. Decided from counts alone. */
+bool visibility_steps_aside(visibility *o);
 /* Sets the visible bits of the chunk. */
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
@@ -212,6 +217,8 @@ ray_counts visibility_counts(const visibility *o);
 
 /* One thread's means of estimating the light of all virtual and punctual lights without bias. */
 typedef struct estimator estimator;
+/* Whether few rays can stand for so many lights; else they are better traced. */
+bool estimator_pays(const view *v, const vpl_set *vpls);
 estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *set);
 void estimator_free(estimator *o);
 /* Adds their light to the pixels of at most CHUNK eye samples. */
