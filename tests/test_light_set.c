@@ -158,6 +158,7 @@ typedef struct reference {
     size_t asking_count, waiting_count;
     uint64_t rays, bypassed, hits[VCACHE_MAX_LEVELS];
     uint64_t (*visible)[20];
+    uint64_t (*refine)[20]; /* NULL: all */
 } reference;
 
 static uint8_t *cell_at(reference *r, uint64_t half, uint32_t light)
@@ -190,7 +191,8 @@ static void reference_walk(reference *r, struct pending p)
             return;
         }
         bool differs = false;
-        for (int k = 0; k < 4; k++) {
+        bool refine = !r->refine || bit_of(r->refine[p.eye], p.light);
+        for (int k = 0; k < 4 && refine; k++) {
             uint8_t other = *cell_at(r, eye->level[p.level].neighbour[k], p.light);
             differs |= other >= BLOCKED && other != *own;
         }
@@ -286,8 +288,8 @@ static size_t choose_eyes(const world *w, const vcache_light_set *set, size_t wa
 }
 
 /* `step`: eyes that are pending at a time. Sometimes all lights are asked for, sometimes a random part, sometimes from
- * the middle of a word on. */
-static void compare(int levels, uint32_t count, size_t wanted, uint32_t capacity, size_t step)
+ * the middle of a word on. `some`: a random half of the lights is not refined. */
+static void compare(int levels, uint32_t count, size_t wanted, uint32_t capacity, size_t step, bool some)
 {
     world *w = make_world(16.0f, levels, 1, VCACHE_HASH_SPLIT);
     vcache_light *lights = make_lights(w->cache, count);
@@ -298,17 +300,20 @@ static void compare(int levels, uint32_t count, size_t wanted, uint32_t capacity
     size_t n = choose_eyes(w, set, wanted, eyes);
     assert_true(n > wanted / 2);
     uint64_t(*visible)[20] = malloc(EYES * sizeof *visible), (*asked)[20] = malloc(EYES * sizeof *asked);
-    assert_true(r && visible && asked);
+    uint64_t(*refine)[20] = malloc(EYES * sizeof *refine);
+    assert_true(r && visible && asked && refine);
     *r = (reference){.w = w, .lights = lights, .count = count, .cells = calloc(MOST_CELLS, count)};
     r->asking = malloc(count * step * sizeof *r->asking);
     r->waiting = malloc(count * step * sizeof *r->waiting);
     r->visible = malloc(EYES * sizeof *visible);
     assert_true(r->cells && r->asking && r->waiting && r->visible);
+    if (some)
+        r->refine = refine;
     uint64_t seed = 31, wanted_pairs = 0;
     for (size_t e = 0; e < EYES; e++)
         for (int i = 0; i < 20; i++) {
             visible[e][i] = r->visible[e][i] = random_bits(&seed);
-            asked[e][i] = random_bits(&seed) & random_bits(&seed);
+            asked[e][i] = random_bits(&seed) & random_bits(&seed), refine[e][i] = random_bits(&seed);
         }
     tracer t = {0};
     for (size_t k = 0; k < n; k++) {
@@ -316,7 +321,8 @@ static void compare(int levels, uint32_t count, size_t wanted, uint32_t capacity
         const uint64_t *mask = k % 3 ? NULL : asked[e];
         uint32_t next, first = k % 5 ? 0 : (uint32_t)(random_bits(&seed) % count);
         for (; first < count; first = next) {
-            next = vcache_add_set(worker, eye_at(w, e), set, first, mask, visible[e]);
+            next = some ? vcache_add_set_refining(worker, eye_at(w, e), set, first, mask, refine[e], visible[e])
+                        : vcache_add_set(worker, eye_at(w, e), set, first, mask, visible[e]);
             for (uint32_t l = first; l < next; l++)
                 if (!mask || bit_of(mask, l)) {
                     wanted_pairs++;
@@ -350,7 +356,7 @@ static void compare(int levels, uint32_t count, size_t wanted, uint32_t capacity
     if (levels > 1)
         assert_true(s.hits[1] > 0);
     free(r->cells), free(r->asking), free(r->waiting), free(r->visible), free(r);
-    free(visible), free(asked), free(lights);
+    free(visible), free(asked), free(refine), free(lights);
     vcache_worker_destroy(&worker);
     vcache_light_set_destroy(&set);
     free_world(w);
@@ -361,11 +367,11 @@ static void follows_algorithm_two(void **state)
     (void)state;
     static const uint32_t capacities[] = {1, 2, 7, 64, 100000};
     for (int i = 0; i < 5; i++)
-        compare(3, 70, 1000, capacities[i], 1 + (size_t)i);
-    compare(1, 70, EYES, 100000, 40);
-    compare(2, 200, 1000, 100000, 40);
-    compare(4, 1100, 200, 100000, 10); /* more than one piece of words */
-    compare(3, 1100, 200, 700, 1);
+        compare(3, 70, 1000, capacities[i], 1 + (size_t)i, i % 2);
+    compare(1, 70, EYES, 100000, 40, false);
+    compare(2, 200, 1000, 100000, 40, true);
+    compare(4, 1100, 200, 100000, 10, true); /* more than one piece of words */
+    compare(3, 1100, 200, 700, 1, false);
 }
 
 int main(void)
