@@ -39,6 +39,7 @@ struct tracer {
     const scene *scene;
     RTCDevice device;
     RTCScene top;
+    RTCScene emitters;     /* NULL: none */
     RTCScene *prototypes;  /* per mesh; NULL: flattened */
     placement *placements; /* per instance */
     int width;             /* widest native packet: 16, 8, 4 or 1 */
@@ -90,17 +91,31 @@ static placement place(const float m[12], bool instanced)
     double rounding = norm * norm3x3(c) / fabs(det);
     p.condition = (float)(1.0 + rounding);
     p.stretch = (float)norm;
-    p.translation = fmaxf(fabsf(m[3]), fmaxf(fabsf(m[7]), fabsf(m[11])));
+    p.translation = float_max(fabsf(m[3]), float_max(fabsf(m[7]), fabsf(m[11])));
     return p;
 }
 
-static void attach(RTCScene to, RTCGeometry g, unsigned id, const scene *s, const mesh *m)
+/* Emitters stand in two scenes, by the same geometry. */
+static void attach(const tracer *t, RTCScene to, RTCGeometry g, unsigned id, const mesh *m)
 {
-    bool glass = s->materials[m->material].kind == MATERIAL_DIELECTRIC;
+    const material *made_of = &t->scene->materials[m->material];
+    bool glass = made_of->kind == MATERIAL_DIELECTRIC;
     rtcSetGeometryMask(g, glass ? MASK_DIELECTRIC : MASK_OPAQUE);
     rtcCommitGeometry(g);
     rtcAttachGeometryByID(to, g, id);
+    if (to == t->top && t->emitters && !glass && luminance(made_of->emission) > 0.0f)
+        rtcAttachGeometryByID(t->emitters, g, id);
     rtcReleaseGeometry(g);
+}
+
+static bool emits(const scene *s)
+{
+    for (uint32_t i = 0; i < s->instance_count; i++) {
+        const material *m = &s->materials[s->meshes[s->instances[i].mesh].material];
+        if (m->kind != MATERIAL_DIELECTRIC && luminance(m->emission) > 0.0f)
+            return true;
+    }
+    return false;
 }
 
 /* The mesh under `to_world` as a triangle geometry. Embree's own vertex buffer: a shared one needs padding. */
@@ -124,7 +139,7 @@ static bool add_triangles(tracer *t, RTCScene to, unsigned id, const mesh *m, co
     }
     rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, m->indices, 0, 3 * sizeof(uint32_t),
                                m->triangle_count);
-    attach(to, g, id, t->scene, m);
+    attach(t, to, g, id, m);
     return true;
 }
 
@@ -153,7 +168,7 @@ static bool add_instance(tracer *t, unsigned id, const instance *in)
         return false;
     rtcSetGeometryInstancedScene(g, *prototype);
     rtcSetGeometryTransform(g, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, in->to_world);
-    attach(t->top, g, id, t->scene, m);
+    attach(t, t->top, g, id, m);
     return true;
 }
 
@@ -178,6 +193,8 @@ static bool build(tracer *t)
     free(uses);
     if (ok)
         rtcCommitScene(t->top);
+    if (ok && t->emitters)
+        rtcCommitScene(t->emitters);
     return ok && !t->error[0];
 }
 
@@ -206,7 +223,10 @@ bool tracer_create(const scene *s, int threads, tracer **out, message *err)
                : rtcGetDeviceProperty(t->device, RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED) ? 4
                                                                                             : 1;
     t->top = new_scene(t);
-    if (!t->top || !build(t)) {
+    bool glows = emits(s);
+    if (glows)
+        t->emitters = new_scene(t);
+    if (!t->top || (glows && !t->emitters) || !build(t)) {
         fail(err, "Embree: %s", t->error[0] ? t->error : "cannot build the scene");
         tracer_free(t);
         return false;
@@ -221,6 +241,8 @@ void tracer_free(tracer *t)
         return;
     if (t->top)
         rtcReleaseScene(t->top);
+    if (t->emitters)
+        rtcReleaseScene(t->emitters);
     for (uint32_t i = 0; i < t->scene->mesh_count; i++)
         if (t->prototypes[i])
             rtcReleaseScene(t->prototypes[i]);
@@ -242,7 +264,7 @@ void tracer_thread_init(void)
 
 static float largest(vec3 v)
 {
-    return fmaxf(fabsf(v.x), fmaxf(fabsf(v.y), fabsf(v.z)));
+    return float_max(fabsf(v.x), float_max(fabsf(v.y), fabsf(v.z)));
 }
 
 /* a0 + u (a1 - a0) + v (a2 - a0): differences of nearby floats are exact, so only the last sum rounds. */
@@ -292,12 +314,12 @@ static void fill_surface(const tracer *t, const struct RTCRayHit *r, surface *h)
     const uint32_t *index = m->indices + 3 * (size_t)h->primitive;
     triangle_corners(s, h->instance, h->primitive, p);
     h->position = interpolate(p, u, v);
-    h->position_error = fmaxf(largest(p[0]), fmaxf(largest(p[1]), largest(p[2])));
+    h->position_error = float_max(largest(p[0]), float_max(largest(p[1]), largest(p[2])));
     if (instanced) {
         float object = 0.0f;
         for (int k = 0; k < 3; k++)
             for (size_t i = 0; i < 3; i++)
-                object = fmaxf(object, fabsf(m->positions[3 * (size_t)index[k] + i]));
+                object = float_max(object, fabsf(m->positions[3 * (size_t)index[k] + i]));
         h->position_error = at->condition * (h->position_error + at->translation) + at->stretch * object;
     }
     h->position_error = ERROR_SCALE * h->position_error + FLT_MIN;
@@ -343,11 +365,11 @@ static struct RTCRay make_ray(vec3 origin, vec3 direction, float tfar, unsigned 
                            .mask = mask};
 }
 
-static bool closest(const tracer *t, vec3 origin, vec3 direction, unsigned mask, surface *hit)
+static bool closest(const tracer *t, RTCScene in, vec3 origin, vec3 direction, unsigned mask, surface *hit)
 {
     struct RTCRayHit r = {.ray = make_ray(origin, direction, INFINITY, mask),
                           .hit = {.geomID = RTC_INVALID_GEOMETRY_ID, .instID = {RTC_INVALID_GEOMETRY_ID}}};
-    embree_intersect1(t->top, &r);
+    embree_intersect1(in, &r);
     if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID)
         return false;
     fill_surface(t, &r, hit);
@@ -356,12 +378,25 @@ static bool closest(const tracer *t, vec3 origin, vec3 direction, unsigned mask,
 
 bool tracer_closest(const tracer *t, vec3 origin, vec3 direction, surface *hit)
 {
-    return closest(t, origin, direction, MASK_OPAQUE | MASK_DIELECTRIC, hit);
+    return closest(t, t->top, origin, direction, MASK_OPAQUE | MASK_DIELECTRIC, hit);
 }
 
 bool tracer_closest_opaque(const tracer *t, vec3 origin, vec3 direction, surface *hit)
 {
-    return closest(t, origin, direction, MASK_OPAQUE, hit);
+    return closest(t, t->top, origin, direction, MASK_OPAQUE, hit);
+}
+
+bool tracer_closest_emitter(const tracer *t, vec3 origin, vec3 direction, surface *hit)
+{
+    return t->emitters && closest(t, t->emitters, origin, direction, MASK_OPAQUE, hit);
+}
+
+/* Distances come out with the surface's own error along the ray, and with a few ulp of the ray's length. */
+float surface_reach(const surface *hit)
+{
+    float cosine = v3_dot(hit->geometric_normal, hit->wo);
+    float reach = hit->distance * (1.0f - 0x1p-19f) - 2.0f * hit->position_error / float_max(cosine, 1e-6f);
+    return float_max(0.0f, reach);
 }
 
 bool tracer_occluded(const tracer *t, vec3 origin, vec3 direction, float tfar)

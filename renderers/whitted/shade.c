@@ -131,11 +131,11 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         memset(c->bits[g].visible, 0, bytes);
     }
     const pair_bits *virtual = &c->bits[LIGHTS_VIRTUAL], *punctual = &c->bits[LIGHTS_PUNCTUAL];
-    const pair_bits *sampled = &c->bits[LIGHTS_SAMPLED];
     for (uint32_t e = 0; e < c->count; e++) {
         const eye_sample *s = c->eyes[e];
         c->material[e] = v3(0, 0, 0);
-        if (!(material_reflectance(&s->surface) > 0.0f))
+        c->reflects[e] = material_reflectance(&s->surface) > 0.0f;
+        if (!c->reflects[e])
             continue;
         float *geometry = c->geometry + (size_t)e * vpls->padded;
         geometry_row(vpls, s->origin, s->surface.normal, s->surface.geometric_normal, geometry);
@@ -145,12 +145,8 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         for (uint32_t i = 0; i < punctual->lights; i++)
             p[i] = direct_punctual(s, &v->scene->lights[i]);
         ask_samples(p, punctual->lights, punctual->asked + (size_t)e * punctual->words);
-
-        size_t first = (size_t)e * sampled->lights;
-        direct_sample(v, s, c->sampled + first, c->sampled_density + first, c->sampled_normal + first);
-        ask_samples(c->sampled + first, sampled->lights, sampled->asked + (size_t)e * sampled->words);
-        c->material[e] = direct_material_sample(v, s);
     }
+    direct_samples(v, c);
 }
 
 static rgb sample_sum(const light_sample *samples, const uint64_t *visible, uint32_t words)
