@@ -406,6 +406,60 @@ bool tracer_occluded(const tracer *t, vec3 origin, vec3 direction, float tfar)
     return r.tfar == -INFINITY;
 }
 
+/* The lanes that hit, of rays already in Embree's layout. */
+static uint32_t intersect16(const tracer *t, RTCScene in, struct RTCRayHit16 *r, uint32_t active)
+{
+    enum { FIELDS = sizeof *r / (TRACER_PACKET * sizeof(float)) };
+    _Alignas(64) int valid[TRACER_PACKET];
+    bool coherent = !t->instanced;
+    uint32_t hits = 0;
+    int w = t->width;
+    for (uint32_t i = 0; i < TRACER_PACKET; i++)
+        valid[i] = -(int)(active >> i & 1u);
+    if (w == TRACER_PACKET)
+        embree_intersect16(valid, in, r, coherent);
+    for (int first = 0; w < TRACER_PACKET && first < TRACER_PACKET; first += w) {
+        _Alignas(64) float part[(FIELDS + 4) * 8]; /* single rays are padded */
+        _Alignas(64) int part_valid[8];
+        char *from = (char *)r + (size_t)first * sizeof(float);
+        if (!(active >> first & ((1u << w) - 1u)))
+            continue;
+        memcpy(part_valid, valid + first, (size_t)w * sizeof *valid);
+        for (int i = 0; i < FIELDS; i++)
+            memcpy(part + i * w, from + (size_t)i * sizeof r->ray.tfar, (size_t)w * sizeof(float));
+        if (w == 8)
+            embree_intersect8(part_valid, in, (struct RTCRayHit8 *)(void *)part, coherent);
+        else if (w == 4)
+            embree_intersect4(part_valid, in, (struct RTCRayHit4 *)(void *)part, coherent);
+        else
+            embree_intersect1(in, (struct RTCRayHit *)(void *)part);
+        for (int i = 0; i < FIELDS; i++)
+            memcpy(from + (size_t)i * sizeof r->ray.tfar, part + i * w, (size_t)w * sizeof(float));
+    }
+    for (uint32_t i = 0; i < TRACER_PACKET; i++)
+        hits |= (uint32_t)(r->hit.geomID[i] != RTC_INVALID_GEOMETRY_ID) << i;
+    return hits & active;
+}
+
+uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active, surface hits[TRACER_PACKET])
+{
+    struct RTCRayHit16 r;
+    memcpy(&r.ray, p, sizeof r.ray);
+    memset(&r.hit, 0xff, sizeof r.hit); /* invalid ids */
+    for (uint32_t i = 0; i < TRACER_PACKET; i++)
+        r.ray.mask[i] = MASK_OPAQUE | MASK_DIELECTRIC;
+    uint32_t hit = intersect16(t, t->top, &r, active);
+    for (uint32_t lanes = hit; lanes; lanes &= lanes - 1) {
+        uint32_t i = (uint32_t)__builtin_ctz(lanes);
+        struct RTCRayHit one = {
+            .ray = {.dir_x = p->dir_x[i], .dir_y = p->dir_y[i], .dir_z = p->dir_z[i], .tfar = r.ray.tfar[i]},
+            .hit = {.u = r.hit.u[i], .v = r.hit.v[i], .primID = r.hit.primID[i], .geomID = r.hit.geomID[i]}};
+        one.hit.instID[0] = r.hit.instID[0][i];
+        fill_surface(t, &one, &hits[i]);
+    }
+    return hit;
+}
+
 void packet_init(ray_packet *p)
 {
     memset(p, 0, sizeof *p);
