@@ -27,7 +27,8 @@ static inline void angle_turn(double t, float *sine, float *cosine)
     int quarter = (int)(4.0 * t + 2.5) - 2;
     float f = (float)(4.0 * t - quarter) * (0.5f * PI_F), z = f * f;
     float s = ((-1.9515295891e-4f * z + 8.3321608736e-3f) * z - 1.6666654611e-1f) * z * f + f;
-    float c = ((2.443315711809948e-5f * z - 1.388731625493765e-3f) * z + 4.166664568298827e-2f) * z * z - 0.5f * z + 1.0f;
+    float c =
+        ((2.443315711809948e-5f * z - 1.388731625493765e-3f) * z + 4.166664568298827e-2f) * z * z - 0.5f * z + 1.0f;
     float s1 = quarter & 1 ? c : s, c1 = quarter & 1 ? s : c;
     *sine = quarter & 2 ? -s1 : s1;
     *cosine = (quarter + 1) & 2 ? -c1 : c1;

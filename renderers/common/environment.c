@@ -4,6 +4,7 @@
 #include "environment.h"
 
 #include "angles.h"
+#include "cumulative.h"
 #include "scene.h"
 
 #include <float.h>
@@ -22,17 +23,16 @@ struct environment {
     rgb mean;
     uint32_t width, height;
     texel *texels;
-    float *columns;  /* per row: width + 1 cumulative probabilities of its texels */
-    uint32_t *guides; /* per row: width intervals of `columns` to start the search from, one per 1 / width */
-    float *rows;     /* height + 1 cumulative probabilities of the rows */
-    double *cosines; /* height + 1: cos of the polar angle at the upper edge of each row */
-    bool black;      /* nothing to prefer: drawn uniformly */
+    cumulative rows;
+    cumulative columns; /* of each row its own, one behind the other */
+    double *cosines;    /* height + 1: cos of the polar angle at the upper edge of each row */
+    bool black;         /* nothing to prefer: drawn uniformly */
 };
 
 static const double pi = 3.14159265358979323846;
 enum { MAX_SIDE = 1 << 20 }; /* single-precision coordinates still tell texels apart */
 #define UNIFORM_DENSITY (0.25f / PI_F)
-enum { ENVIRONMENT_BATCH = 32 }; /* samples whose memory accesses overlap */
+enum { BATCH = 32 }; /* samples whose memory accesses overlap */
 
 #if defined(__GNUC__)
 #define PREFETCH(address) __builtin_prefetch(address)
@@ -52,15 +52,14 @@ void environment_free(environment *e)
     if (!e)
         return;
     free(e->texels);
-    free(e->columns);
-    free(e->guides);
-    free(e->rows);
+    cumulative_free(&e->rows);
+    cumulative_free(&e->columns);
     free(e->cosines);
     free(e);
 }
 
 /* Continuous texel coordinates of a direction; atan2 keeps its precision at the poles, where acos(y) loses it. */
-static void direction_to_map(const environment *e, vec3 d, float *s, float *t)
+static inline void direction_to_map(const environment *e, vec3 d, float *s, float *t)
 {
     float u = 0.5f + angle_atan2(d.x, -d.z) * (0.5f / PI_F);
     float v = angle_atan2(sqrtf(d.x * d.x + d.z * d.z), d.y) * (1.0f / PI_F);
@@ -106,11 +105,10 @@ static footprint footprint_at(const environment *e, float s, float t)
                        .ft = t - 0.5f - t0};
 }
 
-static rgb bilinear(const environment *e, float s, float t)
+static rgb bilinear(const footprint *f)
 {
-    footprint f = footprint_at(e, s, t);
-    return mix(mix(f.upper[f.i0].radiance, f.upper[f.i1].radiance, f.fs),
-               mix(f.lower[f.i0].radiance, f.lower[f.i1].radiance, f.fs), f.ft);
+    return mix(mix(f->upper[f->i0].radiance, f->upper[f->i1].radiance, f->fs),
+               mix(f->lower[f->i0].radiance, f->lower[f->i1].radiance, f->fs), f->ft);
 }
 
 rgb environment_radiance(const environment *e, vec3 direction)
@@ -119,7 +117,8 @@ rgb environment_radiance(const environment *e, vec3 direction)
         return e->uniform;
     float s, t;
     direction_to_map(e, direction, &s, &t);
-    return bilinear(e, s, t);
+    footprint f = footprint_at(e, s, t);
+    return bilinear(&f);
 }
 
 rgb environment_lookup(const environment *e, vec3 direction, float *pdf)
@@ -131,7 +130,8 @@ rgb environment_lookup(const environment *e, vec3 direction, float *pdf)
     direction_to_map(e, direction, &s, &t);
     if (!e->black)
         *pdf = texel_at(e, s, t)->density;
-    return bilinear(e, s, t);
+    footprint f = footprint_at(e, s, t);
+    return bilinear(&f);
 }
 
 /* --- preparation --- */
@@ -178,7 +178,7 @@ static void build_density(environment *e, double *texels, double *row_sums)
     double total = 0.0;
     for (uint32_t j = 0; j < e->height; ++j) {
         double solid_angle = 2.0 * pi * (e->cosines[j] - e->cosines[j + 1]) / e->width, sum = 0.0;
-        float *columns = e->columns + (size_t)j * (e->width + 1);
+        float *columns = cumulative_at(&e->columns, 0, j, 0);
         for (uint32_t i = 0; i < e->width; ++i) {
             double l = lookup_luminance(e, i, j);
             texels[i] = l * solid_angle;
@@ -189,9 +189,9 @@ static void build_density(environment *e, double *texels, double *row_sums)
         double running = 0.0;
         for (uint32_t i = 0; i < e->width && sum > 0.0; ++i) {
             running += texels[i];
-            columns[i + 1] = (float)(running / sum);
+            columns[i] = (float)(running / sum);
         }
-        columns[e->width] = 1.0f;
+        cumulative_finish(&e->columns, j);
         row_sums[j] = sum;
         total += sum;
     }
@@ -199,25 +199,13 @@ static void build_density(environment *e, double *texels, double *row_sums)
     double running = 0.0;
     for (uint32_t j = 0; j < e->height && !e->black; ++j) {
         running += row_sums[j];
-        e->rows[j + 1] = (float)(running / total);
+        cumulative_at(&e->rows, 0, 0, 0)[j] = (float)(running / total);
         for (uint32_t i = 0; i < e->width; ++i) {
             float *d = &e->texels[(size_t)j * e->width + i].density;
             *d = *d > 0.0f ? (float)fmax(*d / total, FLT_MIN) : 0.0f;
         }
     }
-    e->rows[e->height] = 1.0f;
-}
-
-/* guide[k]: the last interval that begins at or before k / count. A binary search over a row of a large map misses the
- * caches at nearly every step; from here few steps are left. */
-static void build_guide(const float *cumulative, uint32_t count, uint32_t *guide)
-{
-    for (uint32_t k = 0, low = 0; k < count; ++k) {
-        float u = (float)k / (float)count;
-        while (low + 1 < count && cumulative[low + 1] <= u)
-            low++;
-        guide[k] = low;
-    }
+    cumulative_finish(&e->rows, 0);
 }
 
 /* The exact mean of the bilinear lookup: a row weighs as much as its hat function times sin(theta) integrates to. */
@@ -256,13 +244,11 @@ bool environment_from_image(const image *map, environment **out, message *err)
     e->width = map->width;
     e->height = map->height;
     size_t count = (size_t)map->width * map->height;
-    e->texels = calloc(count, sizeof *e->texels);
-    e->columns = calloc(count + map->height, sizeof *e->columns);
-    e->guides = calloc(count, sizeof *e->guides);
-    e->rows = calloc((size_t)map->height + 1, sizeof *e->rows);
+    e->texels = table_new(count, sizeof *e->texels);
     e->cosines = calloc((size_t)map->height + 1, sizeof *e->cosines);
     double *texels = calloc(map->width, sizeof *texels), *row_sums = calloc(map->height, sizeof *row_sums);
-    bool good = e->texels && e->columns && e->guides && e->rows && e->cosines && texels && row_sums;
+    bool good = e->texels && e->cosines && texels && row_sums && cumulative_new(&e->rows, e->height, 1) &&
+                cumulative_new(&e->columns, e->width, e->height);
     if (good) {
         size_t repaired = copy_pixels(e, map);
         if (repaired > 0)
@@ -270,8 +256,6 @@ bool environment_from_image(const image *map, environment **out, message *err)
         for (uint32_t j = 0; j <= e->height; ++j)
             e->cosines[j] = cos(pi * j / e->height);
         build_density(e, texels, row_sums);
-        for (uint32_t j = 0; j < e->height; ++j)
-            build_guide(e->columns + (size_t)j * (e->width + 1), e->width, e->guides + (size_t)j * e->width);
         e->mean = mean_radiance(e);
         *out = e;
     } else {
@@ -296,33 +280,12 @@ bool environment_load(const char *path, environment **out, message *err)
 
 /* --- sampling --- */
 
-/* The interval of cumulative[0 ... count] that holds u, never an empty one; *inside is the place of u in it. `guide` may
- * be NULL. */
-static uint32_t find_interval(const float *cumulative, const uint32_t *guide, uint32_t count, float u, float *inside)
-{
-    u = fminf(u, 0x1.fffffep-1f);
-    uint32_t low = 0, high = count; /* cumulative[low] <= u < cumulative[high] */
-    if (guide) {
-        uint32_t k = (uint32_t)(u * (float)count), last = count - 1;
-        k = k < last ? k : last;
-        low = guide[k > 0 ? k - 1 : 0]; /* one earlier: u * count is rounded */
-        high = k + 2 < count && guide[k + 2] + 1 < count ? guide[k + 2] + 1 : count;
-    }
-    while (high - low > 1) {
-        uint32_t middle = low + (high - low) / 2;
-        if (cumulative[middle] <= u)
-            low = middle;
-        else
-            high = middle;
-    }
-    *inside = (u - cumulative[low]) / (cumulative[low + 1] - cumulative[low]);
-    return low;
-}
+static const float almost_one = 0x1.fffffep-1f;
 
 /* `u` as in the map: 0 looks at +z, 1/4 at -x. */
-static vec3 spherical(double u, double cos_theta)
+static inline vec3 spherical(double u, double cos_theta)
 {
-    float sine, cosine, sin_theta = (float)sqrt(fmax(0.0, 1.0 - cos_theta * cos_theta));
+    float sine, cosine, sin_theta = (float)sqrt(fabs(1.0 - cos_theta * cos_theta));
     angle_turn(u - 0.5, &sine, &cosine);
     return v3(sin_theta * sine, (float)cos_theta, -sin_theta * cosine);
 }
@@ -342,33 +305,43 @@ static void draw_uniformly(const environment *e, uint32_t count, const float *u1
 static void draw(const environment *e, uint32_t count, const float *u1, const float *u2, vec3 *directions,
                  rgb *radiance, float *pdf)
 {
-    uint32_t row[ENVIRONMENT_BATCH], column[ENVIRONMENT_BATCH];
-    double u[ENVIRONMENT_BATCH], cos_theta[ENVIRONMENT_BATCH];
-    float s[ENVIRONMENT_BATCH], t[ENVIRONMENT_BATCH], inside;
+    uint32_t row[BATCH], column[BATCH] = {0};
+    double u[BATCH] = {0}, cos_theta[BATCH] = {0};
+    float x[BATCH], y[BATCH], z[BATCH], s[BATCH], t[BATCH];
+    footprint around[BATCH];
     for (uint32_t k = 0; k < count; k++) {
-        uint32_t j = row[k] = find_interval(e->rows, NULL, e->height, u1[k], &inside);
-        cos_theta[k] = e->cosines[j] + (double)inside * (e->cosines[j + 1] - e->cosines[j]);
-        size_t guess = (size_t)(u2[k] * (float)e->width);
-        PREFETCH(e->guides + (size_t)j * e->width + guess);
+        float at = float_min(u1[k], almost_one);
+        uint32_t j = 0;
+        for (uint32_t l = e->rows.levels; l-- > 0;)
+            j = cumulative_step(&e->rows, l, 0, j, at);
+        row[k] = j;
+        double down = (double)cumulative_inside(&e->rows, 0, j, at);
+        cos_theta[k] = e->cosines[j] + down * (e->cosines[j + 1] - e->cosines[j]);
     }
+    for (uint32_t l = e->columns.levels; l-- > 0;)
+        for (uint32_t k = 0; k < count; k++) {
+            column[k] = cumulative_step(&e->columns, l, row[k], column[k], float_min(u2[k], almost_one));
+            if (l > 0)
+                PREFETCH(cumulative_at(&e->columns, l - 1, row[k], column[k]));
+        }
     for (uint32_t k = 0; k < count; k++) {
-        const uint32_t *guide = e->guides + (size_t)row[k] * e->width;
-        uint32_t guess = clamp_index(u2[k] * (float)e->width, e->width);
-        PREFETCH(e->columns + (size_t)row[k] * (e->width + 1) + guide[guess]);
+        double along = (double)cumulative_inside(&e->columns, row[k], column[k], float_min(u2[k], almost_one));
+        u[k] = ((double)column[k] + along) / e->width;
     }
-    for (uint32_t k = 0; k < count; k++) {
-        size_t j = row[k];
-        column[k] = find_interval(e->columns + j * (e->width + 1), e->guides + j * e->width, e->width, u2[k], &inside);
-        u[k] = ((double)column[k] + (double)inside) / e->width;
+    uint32_t whole = (count + 7u) & ~7u; /* whole vectors */
+    for (uint32_t k = 0; k < whole; k++) {
+        vec3 d = spherical(u[k], cos_theta[k]);
+        x[k] = d.x, y[k] = d.y, z[k] = d.z;
     }
-    for (uint32_t k = 0; k < count; k++)
-        directions[k] = spherical(u[k], cos_theta[k]);
-    for (uint32_t k = 0; k < count; k++)
-        direction_to_map(e, directions[k], &s[k], &t[k]);
+    for (uint32_t k = 0; k < whole; k++)
+        direction_to_map(e, v3(x[k], y[k], z[k]), &s[k], &t[k]);
     for (uint32_t k = 0; k < count; k++) {
-        footprint f = footprint_at(e, s[k], t[k]);
+        directions[k] = v3(x[k], y[k], z[k]);
+        footprint f = around[k] = footprint_at(e, s[k], t[k]);
         PREFETCH(f.upper + f.i0);
         PREFETCH(f.lower + f.i0);
+        PREFETCH(f.upper + f.i1);
+        PREFETCH(f.lower + f.i1);
     }
     for (uint32_t k = 0; k < count; k++) {
         /* Looked up by direction, as environment_pdf does: rounding may have moved it into the next texel. */
@@ -377,17 +350,18 @@ static void draw(const environment *e, uint32_t count, const float *u1, const fl
             size_t j = row[k];
             directions[k] = spherical((column[k] + 0.5) / e->width, 0.5 * (e->cosines[j] + e->cosines[j + 1]));
             direction_to_map(e, directions[k], &s[k], &t[k]);
+            around[k] = footprint_at(e, s[k], t[k]);
             pdf[k] = e->texels[j * e->width + column[k]].density;
         }
-        radiance[k] = bilinear(e, s[k], t[k]);
+        radiance[k] = bilinear(&around[k]);
     }
 }
 
 void environment_sample_batch(const environment *e, uint32_t count, const float *u1, const float *u2, vec3 *directions,
                               rgb *radiance, float *pdf)
 {
-    for (uint32_t k = 0; k < count; k += ENVIRONMENT_BATCH) {
-        uint32_t n = count - k < ENVIRONMENT_BATCH ? count - k : ENVIRONMENT_BATCH;
+    for (uint32_t k = 0; k < count; k += BATCH) {
+        uint32_t n = count - k < BATCH ? count - k : BATCH;
         if (e->width == 0 || e->black)
             draw_uniformly(e, n, u1 + k, u2 + k, directions + k, radiance + k, pdf + k);
         else
