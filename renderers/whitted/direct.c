@@ -38,26 +38,48 @@ float direct_spot(const light *l, vec3 direction)
     return ramp * ramp;
 }
 
-light_sample direct_punctual(const eye_sample *e, const light *l)
+/* `albedo`: weight times BRDF where that is `diffuse`. */
+static inline light_sample punctual(const eye_sample *e, const light *l, bool diffuse, rgb albedo)
 {
-    light_sample out = {.infinite = l->kind == LIGHT_DIRECTIONAL};
-    float unused;
+    light_sample out = {.target = l->position, .infinite = l->kind == LIGHT_DIRECTIONAL};
+    float unused, fall_off = 1.0f;
+    vec3 wi = v3_neg(l->direction);
     if (out.infinite) {
-        out.target = v3_neg(l->direction);
-        out.value = v3_mul(response(e, out.target, &unused), l->intensity);
-        return out;
+        out.target = wi;
+    } else {
+        vec3 d = v3_sub(l->position, e->origin);
+        float r2 = v3_dot(d, d);
+        if (!(r2 > 0.0f))
+            return out;
+        float inverse = 1.0f / sqrtf(r2);
+        wi = v3_scale(d, inverse);
+        fall_off = inverse * inverse;
     }
-    out.target = l->position;
-    vec3 d = v3_sub(l->position, e->origin);
-    float r2 = v3_dot(d, d);
-    if (!(r2 > 0.0f))
+    float cosine = v3_dot(e->surface.normal, wi);
+    if (!(cosine > 0.0f) || !(v3_dot(e->surface.geometric_normal, wi) > 0.0f))
         return out;
-    vec3 wi = v3_scale(d, 1.0f / sqrtf(r2));
-    float fall_off = 1.0f / r2;
     if (l->kind == LIGHT_SPOT)
         fall_off *= direct_spot(l, v3_neg(wi));
-    out.value = v3_scale(v3_mul(response(e, wi, &unused), l->intensity), fall_off);
+    out.value = diffuse ? v3_scale(v3_mul(albedo, l->intensity), cosine * fall_off)
+                        : v3_scale(v3_mul(response(e, wi, &unused), l->intensity), fall_off);
     return out;
+}
+
+light_sample direct_punctual(const eye_sample *e, const light *l)
+{
+    return punctual(e, l, false, v3(0, 0, 0));
+}
+
+void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked)
+{
+    const surface *s = &e->surface;
+    /* Where there are many lights, all but this product would be the same for each. */
+    bool diffuse = s->material->kind == MATERIAL_DIFFUSE && v3_dot(s->wo, s->normal) > 0.0f;
+    rgb albedo = v3_scale(v3_mul(e->weight, s->color), 1.0f / PI_F);
+    for (uint32_t i = 0; i < v->scene->light_count; i++) {
+        out[i] = punctual(e, &v->scene->lights[i], diffuse, albedo);
+        asked[i / 64] |= (uint64_t)(v3_max_component(out[i].value) > 0.0f) << i % 64;
+    }
 }
 
 /* Keeps the end of a shadow ray off the emitter: a few ulp of its largest coordinate. */

@@ -116,13 +116,6 @@ static rgb glossy_sum(const vpl_set *l, const eye_sample *e, const float *geomet
     return sum;
 }
 
-static void ask_samples(const light_sample *samples, uint32_t count, uint64_t *asked)
-{
-    for (uint32_t i = 0; i < count; i++)
-        if (v3_max_component(samples[i].value) > 0.0f)
-            asked[i / 64] |= (uint64_t)1 << (i % 64);
-}
-
 void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
 {
     for (int g = 0; g < LIGHT_GROUPS; g++) {
@@ -141,10 +134,8 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         geometry_row(vpls, s->origin, s->surface.normal, s->surface.geometric_normal, geometry);
         positive_bits(geometry, virtual->words, virtual->asked + (size_t)e * virtual->words);
 
-        light_sample *p = c->punctual + (size_t)e * punctual->lights;
-        for (uint32_t i = 0; i < punctual->lights; i++)
-            p[i] = direct_punctual(s, &v->scene->lights[i]);
-        ask_samples(p, punctual->lights, punctual->asked + (size_t)e * punctual->words);
+        direct_punctuals(v, s, c->punctual + (size_t)e * punctual->lights,
+                         punctual->asked + (size_t)e * punctual->words);
     }
     direct_samples(v, c);
 }

@@ -147,6 +147,8 @@ void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels);
 /* direct.c */
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
+/* The same of all punctual lights, with their asked bits. */
+void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked);
 /* Fall-off of a spot light between its cones, as KHR_lights_punctual recommends: the square of a linear ramp of the
  * cosine. `direction` is the way the light travels. */
 float direct_spot(const light *l, vec3 direction);
