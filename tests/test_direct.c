@@ -32,8 +32,8 @@ static void plain_samples(const view *v, const eye_sample *e, int emitter_sample
     for (int i = 0; i < env_samples; i++, value++, target++) {
         rgb radiance;
         float n = (float)env_samples, pdf, u2 = rng_float(&r);
-        vec3 wi = environment_sample(v->scene->environment, fminf(((float)i + shift) / n, 0x1.fffffep-1f), u2, &radiance,
-                                     &pdf);
+        vec3 wi = environment_sample(v->scene->environment, fminf(((float)i + shift) / n, 0x1.fffffep-1f), u2,
+                                     &radiance, &pdf);
         *target = wi;
         *value = v3_scale(v3_mul(reflected(e, wi), radiance), 1.0f / (n * pdf + material_pdf(&e->surface, wi)));
     }
@@ -84,8 +84,8 @@ static environment *bumpy_sky(void)
     return e;
 }
 
-/* A floor and a wall of all kinds of material under a hole; lamps that face down, up and both ways, one behind a pane of
- * glass, one behind a wall, one of glass; a point, a spot and a directional light. */
+/* A floor and a wall of all kinds of material under a hole; lamps that face down, up and both ways, one behind a pane
+ * of glass, one behind a wall, one of glass; a point, a spot and a directional light. */
 static stage parlour(bool lamps, bool sky)
 {
     scene *s = scene_new("parlour");
@@ -104,7 +104,7 @@ static stage parlour(bool lamps, bool sky)
         s->materials[m].emission = v3(3, 2 + (float)i, 1);
         s->materials[m].two_sided = i == 1;
         float x = 0.9f * (float)i - 1.8f;
-        add_quad(s, v3(x, 1.5f, 0), v3(0.8f, 0, 0), v3(0, 0, 0.8f), m); /* faces down */
+        add_quad(s, v3(x, 1.5f, 0), v3(0.8f, 0, 0), v3(0, 0, 0.8f), m);     /* faces down */
         add_quad(s, v3(x, 1.0f, -1.5f), v3(0, 0, 0.8f), v3(0.8f, 0, 0), m); /* and up */
     }
     if (sky)
@@ -120,7 +120,7 @@ static stage parlour(bool lamps, bool sky)
     stage g = stage_new(s, camera_look(v3(0, 1, 5), v3(0, 1, 0), v3(0, 1, 0), 0.5f), 8, 8, 1);
     g.v.settings.light_samples = 3;
     g.v.settings.env_samples = 67; /* more than a queue takes */
-    if (!sky) { /* scene_finish gave one */
+    if (!sky) {                    /* scene_finish gave one */
         environment_free(s->environment);
         s->environment = NULL;
     }
@@ -133,8 +133,7 @@ static uint32_t look_around(const view *v, rng *r, uint32_t count, eye_sample *e
     while (n < count) {
         vec3 o = v3(0, 1, 1);
         eye_sample e = {.weight = v3(rng_float(r), 1, 0.5f), .pixel = n, .random = rng_u32(r)};
-        if (!tracer_closest(v->tracer, o, random_direction(r), &e.surface) ||
-            material_is_specular(e.surface.material))
+        if (!tracer_closest(v->tracer, o, random_direction(r), &e.surface) || material_is_specular(e.surface.material))
             continue;
         e.origin = surface_offset(&e.surface, e.surface.geometric_normal);
         eyes[n++] = e;
@@ -171,7 +170,7 @@ static void check_samples(const view *v, const chunk *c, uint32_t e, findings *f
         assert_int_equal(s->infinite, i >= (uint32_t)from_emitters);
         assert_true(near_to(s->value, value[i]));
         assert_true(v3_length(v3_sub(s->target, target[i])) < 1e-4f);
-        assert_true(c->sampled_density[(size_t)e * b->lights + i] > 0.0f);
+        assert_true(!asked || c->sampled_density[(size_t)e * b->lights + i] > 0.0f);
     }
 }
 

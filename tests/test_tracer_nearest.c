@@ -88,8 +88,8 @@ static void compare_nearest(const tracer *t, rng *r, int *hits, int *misses, int
             if (!(active >> k & 1u))
                 continue;
             bool expected = tracer_closest(t, o, v3(p.dir_x[k], p.dir_y[k], p.dir_z[k]), &single);
-            if (expected != (bool)(hit >> k & 1u) || (expected && (single.instance != got[k].instance ||
-                                                                   single.primitive != got[k].primitive))) {
+            if (expected != (bool)(hit >> k & 1u) ||
+                (expected && (single.instance != got[k].instance || single.primitive != got[k].primitive))) {
                 ++*differ; /* at an edge rounding may decide */
                 continue;
             }

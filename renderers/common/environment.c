@@ -290,22 +290,23 @@ static inline vec3 spherical(double u, double cos_theta)
     return v3(sin_theta * sine, (float)cos_theta, -sin_theta * cosine);
 }
 
-static void draw_uniformly(const environment *e, uint32_t count, const float *u1, const float *u2, vec3 *directions,
-                           rgb *radiance, float *pdf)
+static void draw_uniformly(const environment *e, uint32_t count, const float *u1, const float *u2, const vec3 *normals,
+                           vec3 *directions, rgb *radiance, float *pdf)
 {
     for (uint32_t k = 0; k < count; k++) {
         directions[k] = spherical(u2[k], 1.0 - 2.0 * u1[k]);
-        pdf[k] = UNIFORM_DENSITY;
-        radiance[k] = environment_radiance(e, directions[k]);
+        bool wanted = !normals || v3_dot(normals[k], directions[k]) > 0.0f;
+        pdf[k] = wanted ? UNIFORM_DENSITY : 0.0f;
+        radiance[k] = wanted ? environment_radiance(e, directions[k]) : v3(0, 0, 0);
     }
 }
 
 /* Each step of all samples before the next: the tables of a large map are in no cache, and so all samples wait for them
  * together instead of one after the other. */
-static void draw(const environment *e, uint32_t count, const float *u1, const float *u2, vec3 *directions,
-                 rgb *radiance, float *pdf)
+static void draw(const environment *e, uint32_t count, const float *u1, const float *u2, const vec3 *normals,
+                 vec3 *directions, rgb *radiance, float *pdf)
 {
-    uint32_t row[BATCH], column[BATCH] = {0};
+    uint32_t row[BATCH], column[BATCH] = {0}, wanted[BATCH], wanted_count = 0;
     double u[BATCH] = {0}, cos_theta[BATCH] = {0};
     float x[BATCH], y[BATCH], z[BATCH], s[BATCH], t[BATCH];
     footprint around[BATCH];
@@ -315,6 +316,7 @@ static void draw(const environment *e, uint32_t count, const float *u1, const fl
         for (uint32_t l = e->rows.levels; l-- > 0;)
             j = cumulative_step(&e->rows, l, 0, j, at);
         row[k] = j;
+        PREFETCH(cumulative_at(&e->columns, e->columns.levels - 1, j, 0));
         double down = (double)cumulative_inside(&e->rows, 0, j, at);
         cos_theta[k] = e->cosines[j] + down * (e->cosines[j + 1] - e->cosines[j]);
     }
@@ -337,13 +339,21 @@ static void draw(const environment *e, uint32_t count, const float *u1, const fl
         direction_to_map(e, v3(x[k], y[k], z[k]), &s[k], &t[k]);
     for (uint32_t k = 0; k < count; k++) {
         directions[k] = v3(x[k], y[k], z[k]);
+        radiance[k] = v3(0, 0, 0);
+        pdf[k] = 0.0f;
+        wanted[wanted_count] = k;
+        wanted_count += !normals || v3_dot(normals[k], directions[k]) > 0.0f;
+    }
+    for (uint32_t i = 0; i < wanted_count; i++) {
+        uint32_t k = wanted[i];
         footprint f = around[k] = footprint_at(e, s[k], t[k]);
         PREFETCH(f.upper + f.i0);
         PREFETCH(f.lower + f.i0);
         PREFETCH(f.upper + f.i1);
         PREFETCH(f.lower + f.i1);
     }
-    for (uint32_t k = 0; k < count; k++) {
+    for (uint32_t i = 0; i < wanted_count; i++) {
+        uint32_t k = wanted[i];
         /* Looked up by direction, as environment_pdf does: rounding may have moved it into the next texel. */
         pdf[k] = texel_at(e, s[k], t[k])->density;
         if (!(pdf[k] > 0.0f)) {
@@ -357,22 +367,23 @@ static void draw(const environment *e, uint32_t count, const float *u1, const fl
     }
 }
 
-void environment_sample_batch(const environment *e, uint32_t count, const float *u1, const float *u2, vec3 *directions,
-                              rgb *radiance, float *pdf)
+void environment_sample_batch(const environment *e, uint32_t count, const float *u1, const float *u2,
+                              const vec3 *normals, vec3 *directions, rgb *radiance, float *pdf)
 {
     for (uint32_t k = 0; k < count; k += BATCH) {
         uint32_t n = count - k < BATCH ? count - k : BATCH;
+        const vec3 *above = normals ? normals + k : NULL;
         if (e->width == 0 || e->black)
-            draw_uniformly(e, n, u1 + k, u2 + k, directions + k, radiance + k, pdf + k);
+            draw_uniformly(e, n, u1 + k, u2 + k, above, directions + k, radiance + k, pdf + k);
         else
-            draw(e, n, u1 + k, u2 + k, directions + k, radiance + k, pdf + k);
+            draw(e, n, u1 + k, u2 + k, above, directions + k, radiance + k, pdf + k);
     }
 }
 
 vec3 environment_sample(const environment *e, float u1, float u2, rgb *radiance, float *pdf)
 {
     vec3 d;
-    environment_sample_batch(e, 1, &u1, &u2, &d, radiance, pdf);
+    environment_sample_batch(e, 1, &u1, &u2, NULL, &d, radiance, pdf);
     return d;
 }
 

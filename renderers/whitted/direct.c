@@ -96,6 +96,7 @@ typedef struct env_queue {
     uint32_t count;
     uint32_t eye[QUEUE], slot[QUEUE]; /* slot: of the eye sample's light samples */
     float u1[QUEUE], u2[QUEUE];
+    vec3 normal[QUEUE];
 } env_queue;
 
 static void store(chunk *c, uint32_t e, uint32_t slot, light_sample s, float density, vec3 normal)
@@ -114,7 +115,7 @@ static void draw_environment(const view *v, chunk *c, env_queue *q)
     float n = (float)v->settings.env_samples, pdf[QUEUE], rival;
     vec3 wi[QUEUE];
     rgb radiance[QUEUE];
-    environment_sample_batch(v->scene->environment, q->count, q->u1, q->u2, wi, radiance, pdf);
+    environment_sample_batch(v->scene->environment, q->count, q->u1, q->u2, q->normal, wi, radiance, pdf);
     for (uint32_t k = 0; k < q->count; k++) {
         light_sample s = {.target = wi[k], .infinite = true};
         if (pdf[k] > 0.0f) {
@@ -162,6 +163,7 @@ static void draw_lights(const view *v, chunk *c)
             q.slot[q.count] = from_emitters + i;
             q.u1[q.count] = float_min(((float)i + shift) / (float)from_environment, 0x1.fffffep-1f);
             q.u2[q.count] = rng_float(&r);
+            q.normal[q.count] = c->eyes[e]->surface.normal;
             if (++q.count == QUEUE)
                 draw_environment(v, c, &q);
         }

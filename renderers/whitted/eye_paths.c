@@ -41,7 +41,8 @@ static void push(eye_samples *s, const eye_sample *e)
 
 static void follow(path *p, vec3 origin, vec3 direction, rgb weight, float width, int depth);
 
-/* `width`: of the cone where the ray started. The footprint keeps growing behind flat mirrors and glass; curvature is left out. */
+/* `width`: of the cone where the ray started. The footprint keeps growing behind flat mirrors and glass; curvature is
+ * left out. */
 static void arrive(path *p, const surface *s, rgb weight, float width, int depth)
 {
     const view *v = p->view;
