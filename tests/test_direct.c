@@ -240,8 +240,36 @@ static void chunks_equal_one_by_one(void **state)
     }
 }
 
+/* Rays of a packet go their own ways: each pixel sees its own part of the sky. 37 x 21: with packets left half empty.
+ */
+static void sky_behind_each_pixel(void **state)
+{
+    (void)state;
+    scene *s = scene_new("sky");
+    add_quad(s, v3(-1, -5, -1), v3(0, 0, 2), v3(2, 0, 0),
+             add_material(s, MATERIAL_DIFFUSE, 0.5f)); /* out of the picture */
+    s->environment = bumpy_sky();
+    stage g = stage_new(s, camera_look(v3(0, 1, 0), v3(1, 1.2f, 0.5f), v3(0, 1, 0), 1.0f), 37, 21, 1);
+    const camera *c = &g.v.camera;
+    vec3 right = v3_cross(c->forward, c->up);
+    float pixel = 2.0f * tanf(0.5f * c->yfov) / 21.0f;
+    frame f = stage_render(&g, 0.0f);
+    for (int y = 0; y < 21; y++)
+        for (int x = 0; x < 37; x++) {
+            vec3 d = v3_mad(c->forward, ((float)x - 18.0f) * pixel, right);
+            d = v3_normalize(v3_mad(d, (10.0f - (float)y) * pixel, c->up));
+            assert_true(near_to(f.seen.pixels[37 * y + x], environment_radiance(s->environment, d)));
+        }
+    assert_true(f.eye_samples == 0);
+    frame_free(&f);
+    stage_free(&g);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(chunks_equal_one_by_one)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(chunks_equal_one_by_one),
+        cmocka_unit_test(sky_behind_each_pixel),
+    };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
