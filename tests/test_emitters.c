@@ -95,6 +95,40 @@ static void areas_and_power(void **state)
     scene_free(s);
 }
 
+/* Evenly spaced numbers meet each of many triangles as often as its part of the power says. */
+static void shares_of_many_triangles(void **state)
+{
+    (void)state;
+    enum { TRIANGLES = 700, STEPS = 1000000 };
+    rng r = rng_make(6, 1);
+    scene *s = scene_new("many");
+    scene_add_material(s, glow(v3(1, 1, 1), false));
+    vec3 corners[3 * TRIANGLES];
+    double areas[TRIANGLES], total = 0.0, before = 0.0;
+    for (int i = 0; i < TRIANGLES; i++) {
+        float size = i % 50 == 7 ? 1.0f : i % 3 ? 0.003f : 0.1f; /* runs of small ones between large ones */
+        corners[3 * i] = v3((float)i, 0, 0);
+        corners[3 * i + 1] = v3((float)i, size * (0.5f + rng_float(&r)), 0);
+        corners[3 * i + 2] = v3((float)i, 0, size);
+        areas[i] = 0.5 * (double)corners[3 * i + 1].y * (double)size;
+        total += areas[i];
+    }
+    place_mesh(s, scene_add_mesh(s, corners_mesh(corners, TRIANGLES, 0)), transform_identity);
+    emitters *e = emitters_new(s);
+    int step = 0;
+    for (int i = 0; i < TRIANGLES; i++) {
+        int count = 0;
+        before += areas[i] / total;
+        for (; step < STEPS; step++, count++)
+            if (emitters_sample(e, (float)(((double)step + 0.5) / STEPS), 0.0f, 0.5f).position.x != (float)i)
+                break;
+        assert_true(fabs((double)step - before * STEPS) < 2.0); /* so no triangle is out of order either */
+    }
+    assert_int_equal(step, STEPS);
+    emitters_free(e);
+    scene_free(s);
+}
+
 /* Below a corner of a parallel rectangle: E = pi L F with the form factor of a differential patch. */
 static void irradiance_under_a_rectangle(void **state)
 {
@@ -224,6 +258,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(areas_and_power),
+        cmocka_unit_test(shares_of_many_triangles),
         cmocka_unit_test(irradiance_under_a_rectangle),
         cmocka_unit_test(rays_see_what_was_drawn),
         cmocka_unit_test(dark_sides_do_not_emit),

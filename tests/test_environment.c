@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Environment light: orientation, lookup, and that its density is one, is drawn from, and fits the radiance. */
+#include "angles.h"
 #include "environment.h"
 #include "rng.h"
 
@@ -212,6 +213,72 @@ static void rounding_never_loses_the_density(void **state)
     image_free(&map);
 }
 
+/* Any number at once gives what each alone gives, and the lookups agree with each other. Widths around the 16 and 256
+ * of a table's lines. */
+static void batches_equal_single_samples(void **state)
+{
+    (void)state;
+    enum { COUNT = 77 };
+    static const uint32_t sizes[][2] = {{0, 0}, {1, 1}, {15, 17}, {16, 16}, {17, 300}, {256, 3}, {257, 5}, {5000, 2}};
+    for (size_t k = 0; k < 2 * sizeof sizes / sizeof *sizes; ++k) {
+        uint32_t width = sizes[k / 2][0], height = sizes[k / 2][1]; /* suns: with rows and columns of no probability */
+        image map = width == 0 ? (image){0, 0, NULL}
+                    : k & 1    ? sun_map(width, height, width / 2, height / 2)
+                               : noise_map(width, height, 9.0f);
+        environment *e = width ? from(&map) : environment_uniform(v3(1, 2, 3));
+        rng r = rng_make(12, k);
+        for (uint32_t count = 0; count <= COUNT; ++count) {
+            bool masked = count & 1 && !(k & 1); /* beside a sun, rounding may move a sample below its normal */
+            float u1[COUNT], u2[COUNT], pdf[COUNT + 1], one, again;
+            vec3 d[COUNT + 1], normals[COUNT], at;
+            rgb c[COUNT + 1], radiance;
+            for (uint32_t i = 0; i < count; ++i) {
+                u1[i] = i == 3 ? 0.0f : i == 4 ? 0x1.fffffep-1f : rng_float(&r);
+                normals[i] = v3(rng_float(&r) - 0.5f, rng_float(&r) - 0.5f, 0.0f);
+                u2[i] = i == 4 ? 0.0f : i == 5 ? 0x1.fffffep-1f : rng_float(&r);
+            }
+            d[count] = c[count] = v3(7, 7, 7);
+            pdf[count] = 7.0f;
+            environment_sample_batch(e, count, u1, u2, masked ? normals : NULL, d, c, pdf);
+            assert_true(d[count].x == 7.0f && c[count].x == 7.0f && pdf[count] == 7.0f);
+            for (uint32_t i = 0; i < count; ++i) {
+                at = environment_sample(e, u1[i], u2[i], &radiance, &one);
+                if (masked && !(v3_dot(normals[i], d[i]) > 0.0f)) {
+                    assert_true(pdf[i] == 0.0f && c[i].x == 0.0f && c[i].y == 0.0f && c[i].z == 0.0f);
+                    continue;
+                }
+                assert_memory_equal(&at, &d[i], sizeof at);
+                assert_memory_equal(&radiance, &c[i], sizeof radiance);
+                assert_true(one == pdf[i] && one > 0.0f && fabsf(v3_length(at) - 1.0f) < 1e-5f);
+                radiance = environment_lookup(e, at, &again);
+                close_to(radiance, environment_radiance(e, at), 0.0);
+                assert_true(again == environment_pdf(e, at));
+            }
+        }
+        environment_free(e);
+        image_free(&map);
+    }
+}
+
+static void angles_are_those_of_libm(void **state)
+{
+    (void)state;
+    for (int i = 0; i <= 200000; ++i) {
+        double t = (i - 100000) / 200000.0, sine, cosine, radius = exp2((i * 37) % 120 - 60);
+        float s, c;
+        angle_turn(t, &s, &c);
+        sine = sin(2.0 * pi * t), cosine = cos(2.0 * pi * t);
+        assert_true(fabs((double)s - sine) < 1.2e-7 && fabs((double)c - cosine) < 1.2e-7);
+        float y = (float)(radius * sine), x = (float)(radius * cosine);
+        double angle = atan2((double)y, (double)x);
+        if (!(fabs((double)angle_atan2(y, x) - angle) <= 2.5e-7 * fabs(angle)))
+            fail_msg("atan2(%g, %g): %.9g, not %.9g", (double)y, (double)x, (double)angle_atan2(y, x), angle);
+    }
+    assert_true(angle_atan2(0.0f, 0.0f) == 0.0f && angle_atan2(0.0f, 1.0f) == 0.0f);
+    assert_true(fabs((double)angle_atan2(0.0f, -1.0f) - pi) < 2e-7 &&
+                fabs((double)angle_atan2(-1.0f, 0.0f) + pi / 2) < 2e-7);
+}
+
 /* Counts per texel against the density times the solid angle. */
 static void samples_follow_the_density(void **state)
 {
@@ -357,6 +424,8 @@ int main(void)
         cmocka_unit_test(maps_are_sampled_right),
         cmocka_unit_test(suns_are_sampled_right),
         cmocka_unit_test(samples_follow_the_density),
+        cmocka_unit_test(batches_equal_single_samples),
+        cmocka_unit_test(angles_are_those_of_libm),
         cmocka_unit_test(rounding_never_loses_the_density),
         cmocka_unit_test(uniform_and_black_are_drawn_uniformly),
         cmocka_unit_test(white_map_is_uniform),

@@ -19,6 +19,22 @@ static inline void embree_occluded1(RTCScene top, struct RTCRay *ray)
     rtcOccluded1(top, ray, NULL);
 }
 
+static inline struct RTCIntersectArguments embree_intersect_arguments(bool coherent)
+{
+    struct RTCIntersectArguments a;
+    rtcInitIntersectArguments(&a);
+    a.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+    return a;
+}
+
+#define EMBREE_INTERSECT(width)                                                                                        \
+    static inline void embree_intersect##width(const int *valid, RTCScene top, struct RTCRayHit##width *rays,          \
+                                               bool coherent)                                                          \
+    {                                                                                                                  \
+        struct RTCIntersectArguments a = embree_intersect_arguments(coherent);                                         \
+        rtcIntersect##width(valid, top, rays, &a);                                                                     \
+    }
+
 static inline struct RTCOccludedArguments embree_arguments(bool coherent)
 {
     struct RTCOccludedArguments a;
@@ -52,6 +68,14 @@ static inline void embree_intersect1(RTCScene top, struct RTCRayHit *ray)
     rtcIntersect1(top, &c, ray);
 }
 
+#define EMBREE_INTERSECT(width)                                                                                        \
+    static inline void embree_intersect##width(const int *valid, RTCScene top, struct RTCRayHit##width *rays,          \
+                                               bool coherent)                                                          \
+    {                                                                                                                  \
+        struct RTCIntersectContext c = embree_context(coherent);                                                       \
+        rtcIntersect##width(valid, top, &c, rays);                                                                     \
+    }
+
 static inline void embree_occluded1(RTCScene top, struct RTCRay *ray)
 {
     struct RTCIntersectContext c = embree_context(false);
@@ -68,10 +92,14 @@ static inline void embree_occluded1(RTCScene top, struct RTCRay *ray)
 
 #endif
 
+EMBREE_INTERSECT(4)
+EMBREE_INTERSECT(8)
+EMBREE_INTERSECT(16)
 EMBREE_OCCLUDED(4)
 EMBREE_OCCLUDED(8)
 EMBREE_OCCLUDED(16)
 
+#undef EMBREE_INTERSECT
 #undef EMBREE_OCCLUDED
 
 #endif

@@ -7,16 +7,17 @@
 
 #include <stdlib.h>
 
-/* One emitting side of a triangle. */
+/* One emitting side of a triangle, in world space. */
 typedef struct emitter {
-    uint32_t instance, primitive;
-    bool inner; /* the side opposite to the triangle's own normal */
-    double end; /* running sum of area x luminance, this one included */
+    vec3 corner, ab, ac, normal;
+    const material *material;
 } emitter;
 
 struct emitters {
     const scene *scene;
     emitter *sides;
+    double *ends;     /* per side: running sum of area x luminance, it included */
+    uint32_t *guides; /* per side: the side at that part of the sum, to start the search from */
     size_t side_count;
     uint32_t triangle_count;
     double total; /* of area x luminance, over all sides */
@@ -27,13 +28,17 @@ static void add_triangle(emitters *e, uint32_t instance_index, uint32_t primitiv
     vec3 p[3];
     float area;
     triangle_corners(e->scene, instance_index, primitive, p);
-    triangle_normal(p, &area);
+    vec3 normal = triangle_normal(p, &area);
+    if (transform_mirrors(e->scene->instances[instance_index].to_world))
+        normal = v3_neg(normal);
     if (!(area > 0.0f))
         return;
     e->triangle_count++;
     for (int side = 0; side < (m->two_sided ? 2 : 1); side++) {
         e->total += (double)area * luminance(m->emission);
-        e->sides[e->side_count++] = (emitter){instance_index, primitive, side == 1, e->total};
+        e->ends[e->side_count] = e->total;
+        e->sides[e->side_count++] =
+            (emitter){p[0], v3_sub(p[1], p[0]), v3_sub(p[2], p[0]), side ? v3_neg(normal) : normal, m};
     }
 }
 
@@ -42,6 +47,17 @@ static const material *emitting(const scene *s, uint32_t instance_index)
 {
     const material *m = &s->materials[s->meshes[s->instances[instance_index].mesh].material];
     return luminance(m->emission) > 0.0f ? m : NULL;
+}
+
+/* guides[k]: the first side whose end lies beyond k / side_count of the sum. */
+static void build_guides(emitters *e)
+{
+    size_t side = 0;
+    for (size_t k = 0; k < e->side_count; k++) {
+        while (side + 1 < e->side_count && !(e->ends[side] > (double)k / (double)e->side_count * e->total))
+            side++;
+        e->guides[k] = (uint32_t)side;
+    }
 }
 
 emitters *emitters_new(const scene *s)
@@ -56,15 +72,19 @@ emitters *emitters_new(const scene *s)
     emitters *e = xcalloc(1, sizeof *e);
     e->scene = s;
     e->sides = xmalloc(room * sizeof *e->sides);
+    e->ends = xmalloc(room * sizeof *e->ends);
+    e->guides = xmalloc(room * sizeof *e->guides);
     for (uint32_t i = 0; i < s->instance_count; i++) {
         const material *m = emitting(s, i);
         for (uint32_t k = 0; m && k < s->meshes[s->instances[i].mesh].triangle_count; k++)
             add_triangle(e, i, k, m);
     }
-    if (e->total > 0.0)
-        return e;
-    emitters_free(e);
-    return NULL;
+    if (!(e->total > 0.0)) {
+        emitters_free(e);
+        return NULL;
+    }
+    build_guides(e);
+    return e;
 }
 
 void emitters_free(emitters *e)
@@ -72,6 +92,8 @@ void emitters_free(emitters *e)
     if (!e)
         return;
     free(e->sides);
+    free(e->ends);
+    free(e->guides);
     free(e);
 }
 
@@ -88,27 +110,24 @@ float emitters_power(const emitters *e)
 emitter_sample emitters_sample(const emitters *e, float u1, float u2, float u3)
 {
     double at = u1 * e->total;
-    size_t low = 0, high = e->side_count - 1;
-    while (low < high) { /* the first side whose end lies beyond `at` */
+    size_t guess = (size_t)(u1 * (double)e->side_count), last = e->side_count - 1;
+    /* The first side whose end lies beyond `at`. One guide earlier and later: products are rounded. */
+    size_t low = e->guides[guess > 0 ? (guess <= last ? guess : last) - 1 : 0];
+    size_t high = guess + 2 < e->side_count ? e->guides[guess + 2] : last;
+    while (low < high) {
         size_t middle = low + (high - low) / 2;
-        if (e->sides[middle].end > at)
+        if (e->ends[middle] > at)
             high = middle;
         else
             low = middle + 1;
     }
 
     const emitter *x = &e->sides[low];
-    const instance *in = &e->scene->instances[x->instance];
-    const material *m = &e->scene->materials[e->scene->meshes[in->mesh].material];
-    emitter_sample out = {.radiance = m->emission, .pdf_area = (float)(luminance(m->emission) / e->total)};
-    vec3 p[3];
-    float area, r = sqrtf(u2), a = r * (1.0f - u3), b = r * u3; /* uniform over the triangle */
-    triangle_corners(e->scene, x->instance, x->primitive, p);
-    out.position = v3_add(p[0], v3_mad(v3_scale(v3_sub(p[1], p[0]), a), b, v3_sub(p[2], p[0])));
-    out.normal = triangle_normal(p, &area);
-    if (transform_mirrors(in->to_world) != x->inner)
-        out.normal = v3_neg(out.normal);
-    return out;
+    float r = sqrtf(u2), a = r * (1.0f - u3), b = r * u3; /* uniform over the triangle */
+    return (emitter_sample){.position = v3_add(x->corner, v3_mad(v3_scale(x->ab, a), b, x->ac)),
+                            .normal = x->normal,
+                            .radiance = x->material->emission,
+                            .pdf_area = (float)(luminance(x->material->emission) / e->total)};
 }
 
 float emitters_pdf_area(const emitters *e, const surface *hit)

@@ -2,6 +2,9 @@
 /* Environment light. Directions are drawn from a piecewise-constant density over the texels (Pharr, Jakob, Humphreys,
  * "Physically Based Rendering", 4th ed., Sect. 12.5.2), here constant per steradian instead of per (u, v). */
 #include "environment.h"
+
+#include "angles.h"
+#include "cumulative.h"
 #include "scene.h"
 
 #include <float.h>
@@ -9,22 +12,33 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Side by side: who wants one of them mostly wants the other, and a large map is in no cache. */
+typedef struct texel {
+    rgb radiance;
+    float density; /* 1 / sr; all 0 for a black map */
+} texel;
+
 struct environment {
     rgb uniform; /* the radiance where width == 0 */
     rgb mean;
     uint32_t width, height;
-    rgb *pixels;
-    float *density;  /* per texel: 1 / sr; all 0 for a black map */
-    float *columns;  /* per row: width + 1 cumulative probabilities of its texels */
-    uint32_t *guides; /* per row: width intervals of `columns` to start the search from, one per 1 / width */
-    float *rows;     /* height + 1 cumulative probabilities of the rows */
-    double *cosines; /* height + 1: cos of the polar angle at the upper edge of each row */
-    bool black;      /* nothing to prefer: drawn uniformly */
+    texel *texels;
+    cumulative rows;
+    cumulative columns; /* of each row its own, one behind the other */
+    double *cosines;    /* height + 1: cos of the polar angle at the upper edge of each row */
+    bool black;         /* nothing to prefer: drawn uniformly */
 };
 
 static const double pi = 3.14159265358979323846;
 enum { MAX_SIDE = 1 << 20 }; /* single-precision coordinates still tell texels apart */
 #define UNIFORM_DENSITY (0.25f / PI_F)
+enum { BATCH = 32 }; /* samples whose memory accesses overlap */
+
+#if defined(__GNUC__)
+#define PREFETCH(address) __builtin_prefetch(address)
+#else
+#define PREFETCH(address) ((void)(address))
+#endif
 
 environment *environment_uniform(rgb radiance)
 {
@@ -37,20 +51,18 @@ void environment_free(environment *e)
 {
     if (!e)
         return;
-    free(e->pixels);
-    free(e->density);
-    free(e->columns);
-    free(e->guides);
-    free(e->rows);
+    free(e->texels);
+    cumulative_free(&e->rows);
+    cumulative_free(&e->columns);
     free(e->cosines);
     free(e);
 }
 
 /* Continuous texel coordinates of a direction; atan2 keeps its precision at the poles, where acos(y) loses it. */
-static void direction_to_map(const environment *e, vec3 d, float *s, float *t)
+static inline void direction_to_map(const environment *e, vec3 d, float *s, float *t)
 {
-    float u = 0.5f + atan2f(d.x, -d.z) * (0.5f / PI_F);
-    float v = atan2f(sqrtf(d.x * d.x + d.z * d.z), d.y) * (1.0f / PI_F);
+    float u = 0.5f + angle_atan2(d.x, -d.z) * (0.5f / PI_F);
+    float v = angle_atan2(sqrtf(d.x * d.x + d.z * d.z), d.y) * (1.0f / PI_F);
     *s = u * (float)e->width;
     *t = v * (float)e->height;
 }
@@ -62,16 +74,41 @@ static uint32_t clamp_index(float x, uint32_t count)
     return x < (float)(count - 1) ? (uint32_t)x : count - 1;
 }
 
-static size_t texel_of(const environment *e, vec3 d)
+static const texel *texel_at(const environment *e, float s, float t)
 {
-    float s, t;
-    direction_to_map(e, d, &s, &t);
-    return (size_t)clamp_index(t, e->height) * e->width + clamp_index(s, e->width);
+    return e->texels + (size_t)clamp_index(t, e->height) * e->width + clamp_index(s, e->width);
 }
 
 static rgb mix(rgb a, rgb b, float t)
 {
     return v3_mad(v3_scale(a, 1.0f - t), t, b);
+}
+
+/* The rows and columns whose texel centres are around a point, and the weights of the latter ones. */
+typedef struct footprint {
+    const texel *upper, *lower;
+    uint32_t i0, i1;
+    float fs, ft;
+} footprint;
+
+static footprint footprint_at(const environment *e, float s, float t)
+{
+    float s0 = floorf(s - 0.5f), t0 = floorf(t - 0.5f);
+    /* The seam wraps around in u; the poles repeat their row. */
+    uint32_t i0 = s0 < 0.0f ? e->width - 1 : clamp_index(s0, e->width);
+    uint32_t j0 = clamp_index(t0, e->height), j1 = clamp_index(t0 + 1.0f, e->height);
+    return (footprint){.upper = e->texels + (size_t)j0 * e->width,
+                       .lower = e->texels + (size_t)j1 * e->width,
+                       .i0 = i0,
+                       .i1 = i0 + 1 < e->width ? i0 + 1 : 0,
+                       .fs = s - 0.5f - s0,
+                       .ft = t - 0.5f - t0};
+}
+
+static rgb bilinear(const footprint *f)
+{
+    return mix(mix(f->upper[f->i0].radiance, f->upper[f->i1].radiance, f->fs),
+               mix(f->lower[f->i0].radiance, f->lower[f->i1].radiance, f->fs), f->ft);
 }
 
 rgb environment_radiance(const environment *e, vec3 direction)
@@ -80,14 +117,21 @@ rgb environment_radiance(const environment *e, vec3 direction)
         return e->uniform;
     float s, t;
     direction_to_map(e, direction, &s, &t);
-    float s0 = floorf(s - 0.5f), t0 = floorf(t - 0.5f);
-    float fs = s - 0.5f - s0, ft = t - 0.5f - t0;
-    /* The seam wraps around in u; the poles repeat their row. */
-    uint32_t i0 = s0 < 0.0f ? e->width - 1 : clamp_index(s0, e->width);
-    uint32_t i1 = i0 + 1 < e->width ? i0 + 1 : 0;
-    uint32_t j0 = clamp_index(t0, e->height), j1 = clamp_index(t0 + 1.0f, e->height);
-    const rgb *upper = e->pixels + (size_t)j0 * e->width, *lower = e->pixels + (size_t)j1 * e->width;
-    return mix(mix(upper[i0], upper[i1], fs), mix(lower[i0], lower[i1], fs), ft);
+    footprint f = footprint_at(e, s, t);
+    return bilinear(&f);
+}
+
+rgb environment_lookup(const environment *e, vec3 direction, float *pdf)
+{
+    float s, t;
+    *pdf = UNIFORM_DENSITY;
+    if (e->width == 0)
+        return e->uniform;
+    direction_to_map(e, direction, &s, &t);
+    if (!e->black)
+        *pdf = texel_at(e, s, t)->density;
+    footprint f = footprint_at(e, s, t);
+    return bilinear(&f);
 }
 
 /* --- preparation --- */
@@ -104,14 +148,14 @@ static size_t copy_pixels(environment *e, const image *map)
                 bad = true;
             }
         repaired += bad;
-        e->pixels[i] = v3(c[0], c[1], c[2]);
+        e->texels[i].radiance = v3(c[0], c[1], c[2]);
     }
     return repaired;
 }
 
 static double texel_luminance(const environment *e, uint32_t i, uint32_t j)
 {
-    rgb c = e->pixels[(size_t)j * e->width + i];
+    rgb c = e->texels[(size_t)j * e->width + i].radiance;
     return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
 }
 
@@ -134,20 +178,20 @@ static void build_density(environment *e, double *texels, double *row_sums)
     double total = 0.0;
     for (uint32_t j = 0; j < e->height; ++j) {
         double solid_angle = 2.0 * pi * (e->cosines[j] - e->cosines[j + 1]) / e->width, sum = 0.0;
-        float *columns = e->columns + (size_t)j * (e->width + 1);
+        float *columns = cumulative_at(&e->columns, 0, j, 0);
         for (uint32_t i = 0; i < e->width; ++i) {
             double l = lookup_luminance(e, i, j);
             texels[i] = l * solid_angle;
             sum += texels[i];
             /* Not yet divided by the total; however dim, what is not black stays positive. */
-            e->density[(size_t)j * e->width + i] = l > 0.0 ? (float)fmax(l, FLT_TRUE_MIN) : 0.0f;
+            e->texels[(size_t)j * e->width + i].density = l > 0.0 ? (float)fmax(l, FLT_TRUE_MIN) : 0.0f;
         }
         double running = 0.0;
         for (uint32_t i = 0; i < e->width && sum > 0.0; ++i) {
             running += texels[i];
-            columns[i + 1] = (float)(running / sum);
+            columns[i] = (float)(running / sum);
         }
-        columns[e->width] = 1.0f;
+        cumulative_finish(&e->columns, j);
         row_sums[j] = sum;
         total += sum;
     }
@@ -155,25 +199,13 @@ static void build_density(environment *e, double *texels, double *row_sums)
     double running = 0.0;
     for (uint32_t j = 0; j < e->height && !e->black; ++j) {
         running += row_sums[j];
-        e->rows[j + 1] = (float)(running / total);
+        cumulative_at(&e->rows, 0, 0, 0)[j] = (float)(running / total);
         for (uint32_t i = 0; i < e->width; ++i) {
-            float *d = &e->density[(size_t)j * e->width + i];
+            float *d = &e->texels[(size_t)j * e->width + i].density;
             *d = *d > 0.0f ? (float)fmax(*d / total, FLT_MIN) : 0.0f;
         }
     }
-    e->rows[e->height] = 1.0f;
-}
-
-/* guide[k]: the last interval that begins at or before k / count. A binary search over a row of a large map misses the
- * caches at nearly every step; from here few steps are left. */
-static void build_guide(const float *cumulative, uint32_t count, uint32_t *guide)
-{
-    for (uint32_t k = 0, low = 0; k < count; ++k) {
-        float u = (float)k / (float)count;
-        while (low + 1 < count && cumulative[low + 1] <= u)
-            low++;
-        guide[k] = low;
-    }
+    cumulative_finish(&e->rows, 0);
 }
 
 /* The exact mean of the bilinear lookup: a row weighs as much as its hat function times sin(theta) integrates to. */
@@ -189,11 +221,11 @@ static rgb mean_radiance(const environment *e)
         if (j + 1 == e->height)
             falling = cos(centre) + 1.0;
         double sum[3] = {0.0, 0.0, 0.0};
-        const rgb *row = e->pixels + (size_t)j * e->width;
+        const texel *row = e->texels + (size_t)j * e->width;
         for (uint32_t i = 0; i < e->width; ++i) {
-            sum[0] += row[i].x;
-            sum[1] += row[i].y;
-            sum[2] += row[i].z;
+            sum[0] += row[i].radiance.x;
+            sum[1] += row[i].radiance.y;
+            sum[2] += row[i].radiance.z;
         }
         for (int k = 0; k < 3; ++k)
             mean[k] += 0.5 * (rising + falling) * sum[k] / e->width;
@@ -212,14 +244,11 @@ bool environment_from_image(const image *map, environment **out, message *err)
     e->width = map->width;
     e->height = map->height;
     size_t count = (size_t)map->width * map->height;
-    e->pixels = malloc(count * sizeof *e->pixels);
-    e->density = calloc(count, sizeof *e->density);
-    e->columns = calloc(count + map->height, sizeof *e->columns);
-    e->guides = calloc(count, sizeof *e->guides);
-    e->rows = calloc((size_t)map->height + 1, sizeof *e->rows);
+    e->texels = table_new(count, sizeof *e->texels);
     e->cosines = calloc((size_t)map->height + 1, sizeof *e->cosines);
     double *texels = calloc(map->width, sizeof *texels), *row_sums = calloc(map->height, sizeof *row_sums);
-    bool good = e->pixels && e->density && e->columns && e->guides && e->rows && e->cosines && texels && row_sums;
+    bool good = e->texels && e->cosines && texels && row_sums && cumulative_new(&e->rows, e->height, 1) &&
+                cumulative_new(&e->columns, e->width, e->height);
     if (good) {
         size_t repaired = copy_pixels(e, map);
         if (repaired > 0)
@@ -227,8 +256,6 @@ bool environment_from_image(const image *map, environment **out, message *err)
         for (uint32_t j = 0; j <= e->height; ++j)
             e->cosines[j] = cos(pi * j / e->height);
         build_density(e, texels, row_sums);
-        for (uint32_t j = 0; j < e->height; ++j)
-            build_guide(e->columns + (size_t)j * (e->width + 1), e->width, e->guides + (size_t)j * e->width);
         e->mean = mean_radiance(e);
         *out = e;
     } else {
@@ -253,62 +280,120 @@ bool environment_load(const char *path, environment **out, message *err)
 
 /* --- sampling --- */
 
-/* The interval of cumulative[0 ... count] that holds u, never an empty one; *inside is the place of u in it. `guide` may
- * be NULL. */
-static uint32_t find_interval(const float *cumulative, const uint32_t *guide, uint32_t count, float u, float *inside)
+static const float almost_one = 0x1.fffffep-1f;
+
+/* `u` as in the map: 0 looks at +z, 1/4 at -x. */
+static inline vec3 spherical(double u, double cos_theta)
 {
-    u = fminf(u, 0x1.fffffep-1f);
-    uint32_t low = 0, high = count; /* cumulative[low] <= u < cumulative[high] */
-    if (guide) {
-        uint32_t k = (uint32_t)(u * (float)count), last = count - 1;
-        k = k < last ? k : last;
-        low = guide[k > 0 ? k - 1 : 0]; /* one earlier: u * count is rounded */
-        high = k + 2 < count && guide[k + 2] + 1 < count ? guide[k + 2] + 1 : count;
-    }
-    while (high - low > 1) {
-        uint32_t middle = low + (high - low) / 2;
-        if (cumulative[middle] <= u)
-            low = middle;
-        else
-            high = middle;
-    }
-    *inside = (u - cumulative[low]) / (cumulative[low + 1] - cumulative[low]);
-    return low;
+    float sine, cosine, sin_theta = (float)sqrt(fabs(1.0 - cos_theta * cos_theta));
+    angle_turn(u - 0.5, &sine, &cosine);
+    return v3(sin_theta * sine, (float)cos_theta, -sin_theta * cosine);
 }
 
-static vec3 spherical(double u, double cos_theta)
+static void draw_uniformly(const environment *e, uint32_t count, const float *u1, const float *u2, const vec3 *normals,
+                           vec3 *directions, rgb *radiance, float *pdf)
 {
-    double sin_theta = sqrt(fmax(0.0, 1.0 - cos_theta * cos_theta)), phi = 2.0 * pi * (u - 0.5);
-    return v3((float)(sin_theta * sin(phi)), (float)cos_theta, (float)(-sin_theta * cos(phi)));
+    for (uint32_t k = 0; k < count; k++) {
+        directions[k] = spherical(u2[k], 1.0 - 2.0 * u1[k]);
+        bool wanted = !normals || v3_dot(normals[k], directions[k]) > 0.0f;
+        pdf[k] = wanted ? UNIFORM_DENSITY : 0.0f;
+        radiance[k] = wanted ? environment_radiance(e, directions[k]) : v3(0, 0, 0);
+    }
+}
+
+/* Each step of all samples before the next: the tables of a large map are in no cache, and so all samples wait for them
+ * together instead of one after the other. */
+static void draw(const environment *e, uint32_t count, const float *u1, const float *u2, const vec3 *normals,
+                 vec3 *directions, rgb *radiance, float *pdf)
+{
+    uint32_t row[BATCH], column[BATCH] = {0}, wanted[BATCH], wanted_count = 0;
+    double u[BATCH] = {0}, cos_theta[BATCH] = {0};
+    float x[BATCH], y[BATCH], z[BATCH], s[BATCH], t[BATCH];
+    footprint around[BATCH];
+    for (uint32_t k = 0; k < count; k++) {
+        float at = float_min(u1[k], almost_one);
+        uint32_t j = 0;
+        for (uint32_t l = e->rows.levels; l-- > 0;)
+            j = cumulative_step(&e->rows, l, 0, j, at);
+        row[k] = j;
+        PREFETCH(cumulative_at(&e->columns, e->columns.levels - 1, j, 0));
+        double down = (double)cumulative_inside(&e->rows, 0, j, at);
+        cos_theta[k] = e->cosines[j] + down * (e->cosines[j + 1] - e->cosines[j]);
+    }
+    for (uint32_t l = e->columns.levels; l-- > 0;)
+        for (uint32_t k = 0; k < count; k++) {
+            column[k] = cumulative_step(&e->columns, l, row[k], column[k], float_min(u2[k], almost_one));
+            if (l > 0)
+                PREFETCH(cumulative_at(&e->columns, l - 1, row[k], column[k]));
+        }
+    for (uint32_t k = 0; k < count; k++) {
+        double along = (double)cumulative_inside(&e->columns, row[k], column[k], float_min(u2[k], almost_one));
+        u[k] = ((double)column[k] + along) / e->width;
+    }
+    uint32_t whole = (count + 7u) & ~7u; /* whole vectors */
+    for (uint32_t k = 0; k < whole; k++) {
+        vec3 d = spherical(u[k], cos_theta[k]);
+        x[k] = d.x, y[k] = d.y, z[k] = d.z;
+    }
+    for (uint32_t k = 0; k < whole; k++)
+        direction_to_map(e, v3(x[k], y[k], z[k]), &s[k], &t[k]);
+    for (uint32_t k = 0; k < count; k++) {
+        directions[k] = v3(x[k], y[k], z[k]);
+        radiance[k] = v3(0, 0, 0);
+        pdf[k] = 0.0f;
+        wanted[wanted_count] = k;
+        wanted_count += !normals || v3_dot(normals[k], directions[k]) > 0.0f;
+    }
+    for (uint32_t i = 0; i < wanted_count; i++) {
+        uint32_t k = wanted[i];
+        footprint f = around[k] = footprint_at(e, s[k], t[k]);
+        PREFETCH(f.upper + f.i0);
+        PREFETCH(f.lower + f.i0);
+        PREFETCH(f.upper + f.i1);
+        PREFETCH(f.lower + f.i1);
+    }
+    for (uint32_t i = 0; i < wanted_count; i++) {
+        uint32_t k = wanted[i];
+        /* Looked up by direction, as environment_pdf does: rounding may have moved it into the next texel. */
+        pdf[k] = texel_at(e, s[k], t[k])->density;
+        if (!(pdf[k] > 0.0f)) {
+            size_t j = row[k];
+            directions[k] = spherical((column[k] + 0.5) / e->width, 0.5 * (e->cosines[j] + e->cosines[j + 1]));
+            direction_to_map(e, directions[k], &s[k], &t[k]);
+            around[k] = footprint_at(e, s[k], t[k]);
+            pdf[k] = e->texels[j * e->width + column[k]].density;
+        }
+        radiance[k] = bilinear(&around[k]);
+    }
+}
+
+void environment_sample_batch(const environment *e, uint32_t count, const float *u1, const float *u2,
+                              const vec3 *normals, vec3 *directions, rgb *radiance, float *pdf)
+{
+    for (uint32_t k = 0; k < count; k += BATCH) {
+        uint32_t n = count - k < BATCH ? count - k : BATCH;
+        const vec3 *above = normals ? normals + k : NULL;
+        if (e->width == 0 || e->black)
+            draw_uniformly(e, n, u1 + k, u2 + k, above, directions + k, radiance + k, pdf + k);
+        else
+            draw(e, n, u1 + k, u2 + k, above, directions + k, radiance + k, pdf + k);
+    }
 }
 
 vec3 environment_sample(const environment *e, float u1, float u2, rgb *radiance, float *pdf)
 {
     vec3 d;
-    if (e->width == 0 || e->black) {
-        d = spherical(u2, 1.0 - 2.0 * u1);
-        *pdf = UNIFORM_DENSITY;
-    } else {
-        float along, down;
-        uint32_t j = find_interval(e->rows, NULL, e->height, u1, &down);
-        uint32_t i = find_interval(e->columns + (size_t)j * (e->width + 1), e->guides + (size_t)j * e->width, e->width,
-                                   u2, &along);
-        d = spherical(((double)i + along) / e->width, e->cosines[j] + down * (e->cosines[j + 1] - e->cosines[j]));
-        /* Looked up again by direction, as environment_pdf does: rounding may have moved it into the next texel. */
-        size_t texel = texel_of(e, d);
-        if (!(e->density[texel] > 0.0f)) {
-            texel = (size_t)j * e->width + i;
-            d = spherical((i + 0.5) / e->width, 0.5 * (e->cosines[j] + e->cosines[j + 1]));
-        }
-        *pdf = e->density[texel];
-    }
-    *radiance = environment_radiance(e, d);
+    environment_sample_batch(e, 1, &u1, &u2, NULL, &d, radiance, pdf);
     return d;
 }
 
 float environment_pdf(const environment *e, vec3 direction)
 {
-    return e->width == 0 || e->black ? UNIFORM_DENSITY : e->density[texel_of(e, direction)];
+    float s, t;
+    if (e->width == 0 || e->black)
+        return UNIFORM_DENSITY;
+    direction_to_map(e, direction, &s, &t);
+    return texel_at(e, s, t)->density;
 }
 
 rgb environment_mean(const environment *e)

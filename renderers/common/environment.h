@@ -10,6 +10,7 @@
 #include "vec.h"
 
 #include <stdbool.h>
+#include <stdint.h>
 
 typedef struct environment environment;
 
@@ -24,6 +25,12 @@ rgb environment_radiance(const environment *e, vec3 direction);
 /* Draws a unit direction towards the light from (u1, u2) in [0,1)^2, with its radiance and its density per steradian
  * (> 0 wherever the radiance is > 0). */
 vec3 environment_sample(const environment *e, float u1, float u2, rgb *radiance, float *pdf);
+/* `count` of them, faster: for large maps memory is waited for together. The results are those of one by one. Where
+ * `normals` are given, a direction that leaves below its normal is not looked up: radiance and density are 0. */
+void environment_sample_batch(const environment *e, uint32_t count, const float *u1, const float *u2,
+                              const vec3 *normals, vec3 *directions, rgb *radiance, float *pdf);
+/* environment_radiance and environment_pdf in one. */
+rgb environment_lookup(const environment *e, vec3 direction, float *pdf);
 /* Density per steradian with which environment_sample draws `direction`. */
 float environment_pdf(const environment *e, vec3 direction);
 /* Mean radiance over the sphere. */

@@ -25,7 +25,7 @@ bool material_is_specular(const material *m)
 
 static rgb schlick(rgb f0, float cosine)
 {
-    float m = fminf(fmaxf(1.0f - cosine, 0.0f), 1.0f), m5 = m * m * m * m * m;
+    float m = float_min(float_max(1.0f - cosine, 0.0f), 1.0f), m5 = m * m * m * m * m;
     return v3(f0.x + (1.0f - f0.x) * m5, f0.y + (1.0f - f0.y) * m5, f0.z + (1.0f - f0.z) * m5);
 }
 
@@ -33,7 +33,7 @@ static rgb schlick(rgb f0, float cosine)
  * at total internal reflection. */
 static float fresnel(float cos_i, float eta, float *cos_t)
 {
-    float sin2_t = fmaxf(0.0f, 1.0f - cos_i * cos_i) / (eta * eta);
+    float sin2_t = float_max(0.0f, 1.0f - cos_i * cos_i) / (eta * eta);
     *cos_t = 0.0f;
     if (sin2_t >= 1.0f || cos_i <= 0.0f)
         return 1.0f;
@@ -52,7 +52,7 @@ static float coat_fresnel(float cosine, float ior)
 
 static float ggx_alpha(const material *m)
 {
-    float r = fmaxf(m->roughness, MIN_ROUGHNESS);
+    float r = float_max(m->roughness, MIN_ROUGHNESS);
     return r * r;
 }
 
@@ -86,9 +86,9 @@ static vec3 ggx_visible_normal(vec3 wo, float alpha, float u1, float u2)
     vec3 t1 = length2 > 0.0f ? v3_scale(v3(-v.y, v.x, 0.0f), 1.0f / sqrtf(length2)) : v3(1.0f, 0.0f, 0.0f);
     vec3 t2 = v3_cross(v, t1);
     float a = r * cosf(phi), b = r * sinf(phi);
-    b = (1.0f - s) * sqrtf(fmaxf(0.0f, 1.0f - a * a)) + s * b;
-    vec3 n = v3_mad(v3_add(v3_scale(t1, a), v3_scale(t2, b)), sqrtf(fmaxf(0.0f, 1.0f - a * a - b * b)), v);
-    return v3_normalize(v3(alpha * n.x, alpha * n.y, fmaxf(1e-6f, n.z)));
+    b = (1.0f - s) * sqrtf(float_max(0.0f, 1.0f - a * a)) + s * b;
+    vec3 n = v3_mad(v3_add(v3_scale(t1, a), v3_scale(t2, b)), sqrtf(float_max(0.0f, 1.0f - a * a - b * b)), v);
+    return v3_normalize(v3(alpha * n.x, alpha * n.y, float_max(1e-6f, n.z)));
 }
 
 /* --- Non-specular scattering --- */
@@ -110,21 +110,24 @@ static vec3 to_world(vec3 n, vec3 w)
 /* Probability of the coat in the mixture of a glossy material: its share of the reflectance. */
 static float coat_probability(const surface *s, float cos_o)
 {
-    float f = coat_fresnel(cos_o, s->material->ior), diffuse = (1.0f - f) * fmaxf(0.0f, v3_max_component(s->color));
+    float f = coat_fresnel(cos_o, s->material->ior), diffuse = (1.0f - f) * float_max(0.0f, v3_max_component(s->color));
     float share = f + diffuse > 0.0f ? f / (f + diffuse) : 1.0f;
-    return fmaxf(MIN_COAT, share);
+    return float_max(MIN_COAT, share);
 }
 
 static lobe_value evaluate(const surface *s, vec3 wi_world)
 {
     const material *m = s->material;
     lobe_value none = {{0.0f, 0.0f, 0.0f}, 0.0f}, v = none;
+    if (m->kind == MATERIAL_DIFFUSE) { /* needs no local directions */
+        float cos_i = v3_dot(wi_world, s->normal);
+        if (!(cos_i > 0.0f && v3_dot(s->wo, s->normal) > 0.0f) || v3_dot(wi_world, s->geometric_normal) <= 0.0f)
+            return none;
+        return (lobe_value){v3_scale(s->color, 1.0f / PI_F), cos_i * (1.0f / PI_F)};
+    }
     vec3 wo = to_local(s->normal, s->wo), wi = to_local(s->normal, wi_world);
     if (!(wi.z > 0.0f && wo.z > 0.0f) || v3_dot(wi_world, s->geometric_normal) <= 0.0f || material_is_specular(m))
         return none;
-    if (m->kind == MATERIAL_DIFFUSE)
-        return (lobe_value){v3_scale(s->color, 1.0f / PI_F), wi.z / PI_F};
-
     vec3 h = v3_normalize(v3_add(wi, wo));
     if (!(v3_dot(h, h) > 0.5f)) /* opposite directions along the surface */
         return none;
@@ -143,6 +146,13 @@ static lobe_value evaluate(const surface *s, vec3 wi_world)
 rgb material_eval(const surface *s, vec3 wi)
 {
     return evaluate(s, wi).f;
+}
+
+rgb material_eval_pdf(const surface *s, vec3 wi, float *pdf)
+{
+    lobe_value v = evaluate(s, wi);
+    *pdf = v.pdf;
+    return v.f;
 }
 
 float material_pdf(const surface *s, vec3 wi)
@@ -165,7 +175,7 @@ rgb material_sample(const surface *s, float u1, float u2, float u3, vec3 *wi, fl
         local = v3_sub(v3_scale(h, 2.0f * v3_dot(wo, h)), wo);
     } else {
         float r = sqrtf(u1), phi = 2.0f * PI_F * u2;
-        local = v3(r * cosf(phi), r * sinf(phi), sqrtf(fmaxf(0.0f, 1.0f - u1)));
+        local = v3(r * cosf(phi), r * sinf(phi), sqrtf(float_max(0.0f, 1.0f - u1)));
     }
     *wi = to_world(s->normal, local);
     lobe_value v = evaluate(s, *wi);
@@ -187,7 +197,7 @@ static specular_branch reflect(const surface *s, vec3 n, rgb weight)
 static bool branches_about(const surface *s, vec3 n, specular_branch out[2], int *count)
 {
     const material *m = s->material;
-    float cos_i = fminf(1.0f, v3_dot(n, s->wo)), cos_t;
+    float cos_i = float_min(1.0f, v3_dot(n, s->wo)), cos_t;
     *count = 0;
     if (m->kind == MATERIAL_CONDUCTOR) {
         out[(*count)++] = reflect(s, n, schlick(s->color, cos_i));
@@ -247,7 +257,7 @@ float material_reflectance(const surface *s)
     case MATERIAL_DIFFUSE:
         break;
     }
-    return fminf(fmaxf(r, 0.0f), 1.0f);
+    return float_min(float_max(r, 0.0f), 1.0f);
 }
 
 /* --- Textures --- */

@@ -28,6 +28,8 @@ bool material_is_specular(const material *m);
 rgb material_eval(const surface *s, vec3 wi);
 /* Density per steradian of material_sample for a non-specular wi. */
 float material_pdf(const surface *s, vec3 wi);
+/* Both in one. */
+rgb material_eval_pdf(const surface *s, vec3 wi, float *pdf);
 /* Draws a non-specular wi; returns f cos / pdf, and 0 with *pdf = 0 where nothing can be drawn. */
 rgb material_sample(const surface *s, float u1, float u2, float u3, vec3 *wi, float *pdf);
 

@@ -1,56 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Embree behind tracer.h: geometry set-up, queries, and the reconstruction of the surface that was hit. */
-#include "tracer.h"
+/* Embree behind tracer.h: geometry set-up. */
+#include "tracer_internal.h"
 
-#include "embree_compat.h"
 #include "triangle.h"
 
-#include <float.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #if defined(__SSE__)
 #include <xmmintrin.h>
 #endif
 
 /* Scenes up to this size are flattened altogether: a single level traces faster, and 4 M triangles fit anywhere. */
 #define MAX_FLATTENED 4000000u
-
-/* Ray masks: shadow rays pass through dielectrics. */
-#define MASK_OPAQUE 1u
-#define MASK_DIELECTRIC 2u
-
-/* Positions, and Embree's own differences of them, are good to a few ulp of the largest coordinate involved;
- * 8 ulp leave room for the sum of them all. */
-#define ERROR_SCALE 0x1p-20f
-
-/* Shading normals are bent until they face both the geometric normal and the viewer by at least this cosine. */
-#define MIN_SHADING_COSINE 0.01f
-
-typedef struct placement {
-    bool mirrored;
-    /* Position error of Embree instances: ERROR_SCALE * (condition * world coordinates + stretch * object coordinates).
-     * For flattened ones condition = 1, stretch = 0. */
-    float condition, stretch, translation;
-} placement;
-
-struct tracer {
-    const scene *scene;
-    RTCDevice device;
-    RTCScene top;
-    RTCScene *prototypes;  /* per mesh; NULL: flattened */
-    placement *placements; /* per instance */
-    int width;             /* widest native packet: 16, 8, 4 or 1 */
-    bool instanced;        /* some mesh is an Embree instance */
-    char error[256];       /* first thing Embree complained about */
-};
-
-_Static_assert(sizeof(ray_packet) == sizeof(struct RTCRay16), "ray_packet must be Embree's RTCRay16");
-_Static_assert(offsetof(ray_packet, tfar) == offsetof(struct RTCRay16, tfar), "ray_packet must be Embree's RTCRay16");
-_Static_assert(offsetof(ray_packet, flags) == offsetof(struct RTCRay16, flags), "ray_packet must be Embree's RTCRay16");
-
-/* --- Building --- */
 
 static void on_error(void *user, enum RTCError code, const char *text)
 {
@@ -90,17 +51,31 @@ static placement place(const float m[12], bool instanced)
     double rounding = norm * norm3x3(c) / fabs(det);
     p.condition = (float)(1.0 + rounding);
     p.stretch = (float)norm;
-    p.translation = fmaxf(fabsf(m[3]), fmaxf(fabsf(m[7]), fabsf(m[11])));
+    p.translation = float_max(fabsf(m[3]), float_max(fabsf(m[7]), fabsf(m[11])));
     return p;
 }
 
-static void attach(RTCScene to, RTCGeometry g, unsigned id, const scene *s, const mesh *m)
+/* Emitters stand in two scenes, by the same geometry. */
+static void attach(const tracer *t, RTCScene to, RTCGeometry g, unsigned id, const mesh *m)
 {
-    bool glass = s->materials[m->material].kind == MATERIAL_DIELECTRIC;
+    const material *made_of = &t->scene->materials[m->material];
+    bool glass = made_of->kind == MATERIAL_DIELECTRIC;
     rtcSetGeometryMask(g, glass ? MASK_DIELECTRIC : MASK_OPAQUE);
     rtcCommitGeometry(g);
     rtcAttachGeometryByID(to, g, id);
+    if (to == t->top && t->emitters && !glass && luminance(made_of->emission) > 0.0f)
+        rtcAttachGeometryByID(t->emitters, g, id);
     rtcReleaseGeometry(g);
+}
+
+static bool emits(const scene *s)
+{
+    for (uint32_t i = 0; i < s->instance_count; i++) {
+        const material *m = &s->materials[s->meshes[s->instances[i].mesh].material];
+        if (m->kind != MATERIAL_DIELECTRIC && luminance(m->emission) > 0.0f)
+            return true;
+    }
+    return false;
 }
 
 /* The mesh under `to_world` as a triangle geometry. Embree's own vertex buffer: a shared one needs padding. */
@@ -124,7 +99,7 @@ static bool add_triangles(tracer *t, RTCScene to, unsigned id, const mesh *m, co
     }
     rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, m->indices, 0, 3 * sizeof(uint32_t),
                                m->triangle_count);
-    attach(to, g, id, t->scene, m);
+    attach(t, to, g, id, m);
     return true;
 }
 
@@ -153,7 +128,7 @@ static bool add_instance(tracer *t, unsigned id, const instance *in)
         return false;
     rtcSetGeometryInstancedScene(g, *prototype);
     rtcSetGeometryTransform(g, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, in->to_world);
-    attach(t->top, g, id, t->scene, m);
+    attach(t, t->top, g, id, m);
     return true;
 }
 
@@ -178,6 +153,8 @@ static bool build(tracer *t)
     free(uses);
     if (ok)
         rtcCommitScene(t->top);
+    if (ok && t->emitters)
+        rtcCommitScene(t->emitters);
     return ok && !t->error[0];
 }
 
@@ -206,7 +183,10 @@ bool tracer_create(const scene *s, int threads, tracer **out, message *err)
                : rtcGetDeviceProperty(t->device, RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED) ? 4
                                                                                             : 1;
     t->top = new_scene(t);
-    if (!t->top || !build(t)) {
+    bool glows = emits(s);
+    if (glows)
+        t->emitters = new_scene(t);
+    if (!t->top || (glows && !t->emitters) || !build(t)) {
         fail(err, "Embree: %s", t->error[0] ? t->error : "cannot build the scene");
         tracer_free(t);
         return false;
@@ -221,6 +201,8 @@ void tracer_free(tracer *t)
         return;
     if (t->top)
         rtcReleaseScene(t->top);
+    if (t->emitters)
+        rtcReleaseScene(t->emitters);
     for (uint32_t i = 0; i < t->scene->mesh_count; i++)
         if (t->prototypes[i])
             rtcReleaseScene(t->prototypes[i]);
@@ -236,185 +218,4 @@ void tracer_thread_init(void)
 #if defined(__SSE__)
     _mm_setcsr(_mm_getcsr() | 0x8040u); /* FTZ, DAZ */
 #endif
-}
-
-/* --- The surface hit --- */
-
-static float largest(vec3 v)
-{
-    return fmaxf(fabsf(v.x), fmaxf(fabsf(v.y), fabsf(v.z)));
-}
-
-/* a0 + u (a1 - a0) + v (a2 - a0): differences of nearby floats are exact, so only the last sum rounds. */
-static vec3 interpolate(const vec3 a[3], float u, float v)
-{
-    vec3 e = v3_scale(v3_sub(a[1], a[0]), u);
-    return v3_add(a[0], v3_mad(e, v, v3_sub(a[2], a[0])));
-}
-
-static vec3 shading_normal(const scene *s, const surface *h, float u, float v)
-{
-    const instance *in = &s->instances[h->instance];
-    const mesh *m = &s->meshes[h->mesh];
-    vec3 corner[3], n;
-    for (int k = 0; k < 3; k++) {
-        const float *q = m->normals + 3 * (size_t)m->indices[3 * (size_t)h->primitive + (size_t)k];
-        corner[k] = v3(q[0], q[1], q[2]);
-    }
-    n = v3_normalize(transform_normal(in->to_world, v3_normalize(interpolate(corner, u, v))));
-    if (!(v3_dot(n, n) > 0.5f)) /* zero or not a number */
-        return h->geometric_normal;
-    float side = v3_dot(n, h->geometric_normal);
-    if (side < 0.0f) /* seen from behind, or the file's normals point inwards */
-        n = v3_neg(n), side = -side;
-    if (side < MIN_SHADING_COSINE)
-        n = v3_normalize(v3_mad(n, MIN_SHADING_COSINE - side, h->geometric_normal));
-    float facing = v3_dot(n, h->wo);
-    if (facing < MIN_SHADING_COSINE) /* otherwise silhouettes of smooth meshes get black rims */
-        n = v3_normalize(v3_mad(n, MIN_SHADING_COSINE - facing, h->wo));
-    return n;
-}
-
-static void fill_surface(const tracer *t, const struct RTCRayHit *r, surface *h)
-{
-    const scene *s = t->scene;
-    bool instanced = r->hit.instID[0] != RTC_INVALID_GEOMETRY_ID;
-    float u = r->hit.u, v = r->hit.v, area;
-    vec3 p[3], direction = v3(r->ray.dir_x, r->ray.dir_y, r->ray.dir_z);
-    h->instance = instanced ? r->hit.instID[0] : r->hit.geomID;
-    h->primitive = r->hit.primID;
-    h->mesh = s->instances[h->instance].mesh;
-    h->distance = r->ray.tfar;
-    h->wo = v3_neg(direction);
-
-    const mesh *m = &s->meshes[h->mesh];
-    const placement *at = &t->placements[h->instance];
-    const uint32_t *index = m->indices + 3 * (size_t)h->primitive;
-    triangle_corners(s, h->instance, h->primitive, p);
-    h->position = interpolate(p, u, v);
-    h->position_error = fmaxf(largest(p[0]), fmaxf(largest(p[1]), largest(p[2])));
-    if (instanced) {
-        float object = 0.0f;
-        for (int k = 0; k < 3; k++)
-            for (size_t i = 0; i < 3; i++)
-                object = fmaxf(object, fabsf(m->positions[3 * (size_t)index[k] + i]));
-        h->position_error = at->condition * (h->position_error + at->translation) + at->stretch * object;
-    }
-    h->position_error = ERROR_SCALE * h->position_error + FLT_MIN;
-
-    h->geometric_normal = triangle_normal(p, &area);
-    if (at->mirrored)
-        h->geometric_normal = v3_neg(h->geometric_normal);
-    h->back_side = v3_dot(h->geometric_normal, direction) > 0.0f;
-    if (h->back_side)
-        h->geometric_normal = v3_neg(h->geometric_normal);
-    h->normal = m->normals ? shading_normal(s, h, u, v) : h->geometric_normal;
-
-    h->material = &s->materials[m->material];
-    h->color = h->material->color;
-    h->u = h->v = 0.0f;
-    if (m->uvs) {
-        const float *a = m->uvs + 2 * (size_t)index[0], *b = m->uvs + 2 * (size_t)index[1],
-                    *c = m->uvs + 2 * (size_t)index[2];
-        h->u = a[0] + u * (b[0] - a[0]) + v * (c[0] - a[0]);
-        h->v = a[1] + u * (b[1] - a[1]) + v * (c[1] - a[1]);
-        if (h->material->texture >= 0)
-            h->color = v3_mul(h->color, texture_lookup(&s->textures[h->material->texture], h->u, h->v));
-    }
-}
-
-vec3 surface_offset(const surface *s, vec3 toward)
-{
-    float side = v3_dot(s->geometric_normal, toward) < 0.0f ? -1.0f : 1.0f;
-    return v3_mad(s->position, side * s->position_error, s->geometric_normal);
-}
-
-/* --- Queries --- */
-
-static struct RTCRay make_ray(vec3 origin, vec3 direction, float tfar, unsigned mask)
-{
-    return (struct RTCRay){.org_x = origin.x,
-                           .org_y = origin.y,
-                           .org_z = origin.z,
-                           .dir_x = direction.x,
-                           .dir_y = direction.y,
-                           .dir_z = direction.z,
-                           .tfar = tfar,
-                           .mask = mask};
-}
-
-static bool closest(const tracer *t, vec3 origin, vec3 direction, unsigned mask, surface *hit)
-{
-    struct RTCRayHit r = {.ray = make_ray(origin, direction, INFINITY, mask),
-                          .hit = {.geomID = RTC_INVALID_GEOMETRY_ID, .instID = {RTC_INVALID_GEOMETRY_ID}}};
-    embree_intersect1(t->top, &r);
-    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID)
-        return false;
-    fill_surface(t, &r, hit);
-    return true;
-}
-
-bool tracer_closest(const tracer *t, vec3 origin, vec3 direction, surface *hit)
-{
-    return closest(t, origin, direction, MASK_OPAQUE | MASK_DIELECTRIC, hit);
-}
-
-bool tracer_closest_opaque(const tracer *t, vec3 origin, vec3 direction, surface *hit)
-{
-    return closest(t, origin, direction, MASK_OPAQUE, hit);
-}
-
-bool tracer_occluded(const tracer *t, vec3 origin, vec3 direction, float tfar)
-{
-    struct RTCRay r = make_ray(origin, direction, tfar, MASK_OPAQUE);
-    embree_occluded1(t->top, &r);
-    return r.tfar == -INFINITY;
-}
-
-void packet_init(ray_packet *p)
-{
-    memset(p, 0, sizeof *p);
-    for (int i = 0; i < TRACER_PACKET; i++)
-        p->mask[i] = MASK_OPAQUE;
-}
-
-/* Where 16 rays are not native: the same packet in parts of 8, 4 or 1, each with the layout of its width. */
-static void occluded_in_parts(const tracer *t, ray_packet *p, uint32_t active, bool coherent)
-{
-    int w = t->width;
-    for (int first = 0; first < TRACER_PACKET; first += w) {
-        _Alignas(64) float part[12 * 8];
-        _Alignas(64) int valid[8];
-        const char *from = (const char *)p + (size_t)first * sizeof(float);
-        if (!(active >> first & ((1u << w) - 1u)))
-            continue;
-        for (int i = 0; i < 12; i++)
-            memcpy(part + i * w, from + (size_t)i * sizeof p->org_x, (size_t)w * sizeof(float));
-        for (int i = 0; i < w; i++)
-            valid[i] = active >> (first + i) & 1u ? -1 : 0;
-        if (w == 8)
-            embree_occluded8(valid, t->top, (struct RTCRay8 *)(void *)part, coherent);
-        else if (w == 4)
-            embree_occluded4(valid, t->top, (struct RTCRay4 *)(void *)part, coherent);
-        else
-            embree_occluded1(t->top, (struct RTCRay *)(void *)part);
-        memcpy(p->tfar + first, part + 8 * w, (size_t)w * sizeof(float));
-    }
-}
-
-uint32_t tracer_occluded16(const tracer *t, ray_packet *p, uint32_t active, bool coherent)
-{
-    uint32_t blocked = 0;
-    coherent = coherent && !t->instanced; /* Embree 3.13.5 never returns from some coherent packets in instances */
-    if (t->width == TRACER_PACKET) {
-        _Alignas(64) int valid[TRACER_PACKET];
-        for (uint32_t i = 0; i < TRACER_PACKET; i++)
-            valid[i] = -(int)(active >> i & 1u);
-        embree_occluded16(valid, t->top, (struct RTCRay16 *)(void *)p, coherent);
-    } else {
-        occluded_in_parts(t, p, active, coherent);
-    }
-    for (uint32_t i = 0; i < TRACER_PACKET; i++)
-        blocked |= (uint32_t)(p->tfar[i] == -INFINITY) << i;
-    return blocked & active;
 }

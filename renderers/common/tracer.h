@@ -32,8 +32,17 @@ void tracer_thread_init(void);
 
 /* Nearest hit of origin + t direction, 0 < t < tfar; direction unit. Sees all surfaces. */
 bool tracer_closest(const tracer *t, vec3 origin, vec3 direction, surface *hit);
+/* The same for the lanes of `active`; returns the mask of lanes that hit. Directions unit; the rest of `p` as below. Fast
+ * where the rays run close together. */
+uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active, surface hits[TRACER_PACKET]);
 /* The same through dielectrics, as shadow rays go. */
 bool tracer_closest_opaque(const tracer *t, vec3 origin, vec3 direction, surface *hit);
+
+/* The same as if emitters were all there is (dielectric ones, which tracer_closest_opaque does not see, are not either).
+ * Where this misses, no emitter is hit; a hit counts if nothing is in front of it. */
+bool tracer_closest_emitter(const tracer *t, vec3 origin, vec3 direction, surface *hit);
+/* How far a shadow ray along the same direction may go so that the surface hit does not block it itself. */
+float surface_reach(const surface *hit);
 
 /* Shadow rays: surfaces of dielectrics do not block. True where something lies in (0, tfar). */
 bool tracer_occluded(const tracer *t, vec3 origin, vec3 direction, float tfar);

@@ -13,6 +13,17 @@ typedef vec3 rgb; /* linear, Rec. 709 primaries */
 
 #define PI_F 3.14159265358979323846f
 
+/* Plain comparisons: fminf and fmaxf are calls, for the sake of NaN. Where one is NaN the second is returned. */
+static inline float float_min(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+static inline float float_max(float a, float b)
+{
+    return a > b ? a : b;
+}
+
 static inline vec3 v3(float x, float y, float z)
 {
     return (vec3){x, y, z};
@@ -73,17 +84,17 @@ static inline vec3 v3_normalize(vec3 a)
 
 static inline vec3 v3_min(vec3 a, vec3 b)
 {
-    return v3(fminf(a.x, b.x), fminf(a.y, b.y), fminf(a.z, b.z));
+    return v3(float_min(a.x, b.x), float_min(a.y, b.y), float_min(a.z, b.z));
 }
 
 static inline vec3 v3_max(vec3 a, vec3 b)
 {
-    return v3(fmaxf(a.x, b.x), fmaxf(a.y, b.y), fmaxf(a.z, b.z));
+    return v3(float_max(a.x, b.x), float_max(a.y, b.y), float_max(a.z, b.z));
 }
 
 static inline float v3_max_component(vec3 a)
 {
-    return fmaxf(a.x, fmaxf(a.y, a.z));
+    return float_max(a.x, float_max(a.y, a.z));
 }
 
 static inline float luminance(rgb c)

@@ -9,6 +9,15 @@
 static const float weight_min = 0.005f;
 enum { DEPTH_MAX = 10 };
 
+/* A primary ray on its way, and what follow() needs to know of it. */
+typedef struct primary {
+    uint32_t pixel;
+    float stratum;
+    uint64_t random;
+    float spread;
+    bool first; /* of its pixel */
+} primary;
+
 typedef struct path {
     const view *view;
     eye_samples *first, *late; /* late: behind specular surfaces */
@@ -18,6 +27,9 @@ typedef struct path {
     uint64_t random;
     float spread; /* of the pixel's cone: its width per unit of distance */
     float share;  /* of a sample in the pixel */
+    ray_packet packet;
+    primary waiting[GROUP];
+    uint32_t count; /* of them */
 } path;
 
 static void push(eye_samples *s, const eye_sample *e)
@@ -29,42 +41,88 @@ static void push(eye_samples *s, const eye_sample *e)
     s->items[s->count++] = *e;
 }
 
-/* `width`: of the cone at `origin`. The footprint keeps growing behind flat mirrors and glass; curvature is left out. */
-static void follow(path *p, vec3 origin, vec3 direction, rgb weight, float width, int depth, bool primary)
+static void follow(path *p, vec3 origin, vec3 direction, rgb weight, float width, int depth);
+
+/* `width`: of the cone where the ray started. The footprint keeps growing behind flat mirrors and glass; curvature is
+ * left out. */
+static void arrive(path *p, const surface *s, rgb weight, float width, int depth)
 {
     const view *v = p->view;
-    surface s;
     rgb *seen = &p->pixels->seen[p->pixel];
-    if (!tracer_closest(v->tracer, origin, direction, &s)) {
-        if (v->scene->environment)
-            *seen = v3_add(*seen, v3_mul(weight, environment_radiance(v->scene->environment, direction)));
-        return;
-    }
-    width += s.distance * p->spread;
-    if (primary) {
-        p->pixels->depth[p->pixel] = s.distance;
-        p->pixels->normal[p->pixel] = s.normal;
-    }
-    *seen = v3_add(*seen, v3_mul(weight, surface_emission(&s)));
+    width += s->distance * p->spread;
+    *seen = v3_add(*seen, v3_mul(weight, surface_emission(s)));
 
-    if (material_is_specular(s.material)) {
+    if (material_is_specular(s->material)) {
         specular_branch branches[2];
-        int count = depth < DEPTH_MAX ? material_specular(&s, branches) : 0;
+        int count = depth < DEPTH_MAX ? material_specular(s, branches) : 0;
         for (int i = 0; i < count; i++) {
             rgb next = v3_mul(weight, branches[i].weight);
             if (v3_max_component(next) < weight_min * p->share)
                 continue;
-            follow(p, surface_offset(&s, branches[i].wi), branches[i].wi, next, width, depth + 1, false);
+            follow(p, surface_offset(s, branches[i].wi), branches[i].wi, next, width, depth + 1);
         }
         return;
     }
-    eye_sample e = {.surface = s, .weight = weight, .pixel = p->pixel, .stratum = p->stratum};
-    e.origin = surface_offset(&s, s.geometric_normal);
-    e.density = vcache_density_cone(width, fabsf(v3_dot(s.geometric_normal, s.wo)), (float)v->settings.spp);
+    eye_sample e = {.surface = *s, .weight = weight, .pixel = p->pixel, .stratum = p->stratum};
+    e.origin = surface_offset(s, s->geometric_normal);
+    e.density = vcache_density_cone(width, fabsf(v3_dot(s->geometric_normal, s->wo)), (float)v->settings.spp);
     eye_samples *list = depth == 0 ? p->first : p->late;
     /* each sample of a path needs its own random numbers */
     e.random = rng_mix(p->random + ((uint64_t)list->count << 40));
     push(list, &e);
+}
+
+static void see_sky(path *p, vec3 direction, rgb weight)
+{
+    const environment *sky = p->view->scene->environment;
+    rgb *seen = &p->pixels->seen[p->pixel];
+    if (sky)
+        *seen = v3_add(*seen, v3_mul(weight, environment_radiance(sky, direction)));
+}
+
+static void follow(path *p, vec3 origin, vec3 direction, rgb weight, float width, int depth)
+{
+    surface s;
+    if (tracer_closest(p->view->tracer, origin, direction, &s))
+        arrive(p, &s, weight, width, depth);
+    else
+        see_sky(p, direction, weight);
+}
+
+/* Primary rays run close together: they are traced in packets, and followed one by one, in their order. */
+static void trace_waiting(path *p)
+{
+    surface hits[GROUP];
+    const ray_packet *r = &p->packet;
+    rgb weight = v3(p->share, p->share, p->share);
+    uint32_t found = tracer_closest16(p->view->tracer, r, (1u << p->count) - 1u, hits);
+    for (uint32_t k = 0; k < p->count; k++) {
+        const primary *w = &p->waiting[k];
+        p->pixel = w->pixel;
+        p->stratum = w->stratum;
+        p->random = w->random;
+        p->spread = w->spread;
+        if (!(found >> k & 1u)) {
+            see_sky(p, v3(r->dir_x[k], r->dir_y[k], r->dir_z[k]), weight);
+            continue;
+        }
+        if (w->first) {
+            p->pixels->depth[p->pixel] = hits[k].distance;
+            p->pixels->normal[p->pixel] = hits[k].normal;
+        }
+        arrive(p, &hits[k], weight, 0.0f, 0);
+    }
+    p->count = 0;
+}
+
+static void send(path *p, vec3 direction, primary w)
+{
+    ray_packet *r = &p->packet;
+    uint32_t k = p->count++;
+    r->dir_x[k] = direction.x, r->dir_y[k] = direction.y, r->dir_z[k] = direction.z;
+    p->waiting[k] = w;
+    if (p->count == GROUP)
+        trace_waiting(p);
 }
 
 static float fraction(float x)
@@ -80,33 +138,46 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
     eye_samples late = {0};
     out->count = 0;
     path p = {.view = v, .first = out, .late = &late, .pixels = pixels, .share = 1.0f / (float)f->spp};
+    float across[PASS], along[PASS];
+    packet_init(&p.packet);
+    for (int k = 0; k < GROUP; k++) {
+        p.packet.org_x[k] = v->camera.eye.x, p.packet.org_y[k] = v->camera.eye.y, p.packet.org_z[k] = v->camera.eye.z;
+        p.packet.tfar[k] = INFINITY;
+    }
+    for (int i = 0; i < count; i++) {
+        across[i] = (float)halton_radical_inverse2((uint64_t)(first + i));
+        along[i] = (float)halton_radical_inverse3((uint64_t)(first + i));
+    }
     for (uint64_t code = 0; code < (uint64_t)TILE * TILE && !interrupted(); code++) {
         uint32_t x, y;
         halton_morton_decode(code, &x, &y);
         if (x >= t.width || y >= t.height)
             continue;
-        p.pixel = y * TILE + x;
         uint64_t index = (uint64_t)(t.y + y) * f->width + t.x + x;
         rng shift = rng_make(f->seed, index);
         float shift_x = rng_float(&shift), shift_y = rng_float(&shift), shift_stratum = rng_float(&shift);
-        for (int i = first; i < first + count; i++) {
+        for (int i = 0; i < count; i++) {
             /* Halton points, shifted at random in each pixel; one sample alone stands in the middle. */
             float u = 0.5f, w = 0.5f;
             if (f->spp > 1) {
-                u = fraction((float)halton_radical_inverse2((uint64_t)i) + shift_x);
-                w = fraction((float)halton_radical_inverse3((uint64_t)i) + shift_y);
+                u = fraction(across[i] + shift_x);
+                w = fraction(along[i] + shift_y);
             }
             float dx = ((float)(t.x + x) + u - 0.5f * (float)f->width) * pixel;
             float dy = (0.5f * (float)f->height - (float)(t.y + y) - w) * pixel;
             vec3 direction = v3_mad(v3_mad(v->camera.forward, dx, right), dy, v->camera.up);
-            p.stratum = fraction(shift_stratum + (float)i / (float)f->spp);
-            p.random = index * (uint64_t)f->spp + (uint64_t)i;
             /* A pixel subtends pixel^2 cos^3 steradians at the angle from the axis. */
             float length = v3_length(direction);
-            p.spread = pixel / (length * sqrtf(length));
-            follow(&p, v->camera.eye, v3_scale(direction, 1.0f / length), v3(p.share, p.share, p.share), 0.0f, 0, i == 0);
+            send(&p, v3_scale(direction, 1.0f / length),
+                 (primary){.pixel = y * TILE + x,
+                            .stratum = fraction(shift_stratum + (float)(first + i) / (float)f->spp),
+                           .random = index * (uint64_t)f->spp + (uint64_t)(first + i),
+                           .spread = pixel / (length * sqrtf(length)),
+                           .first = first + i == 0});
         }
     }
+    if (p.count > 0)
+        trace_waiting(&p);
     for (size_t i = 0; i < late.count; i++)
         push(out, &late.items[i]);
     free(late.items);

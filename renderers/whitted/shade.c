@@ -208,13 +208,6 @@ static rgb glossy_sum(const vpl_set *l, const eye_sample *e, const float *geomet
     return sum;
 }
 
-static void ask_samples(const light_sample *samples, uint32_t count, uint64_t *asked)
-{
-    for (uint32_t i = 0; i < count; i++)
-        if (v3_max_component(samples[i].value) > 0.0f)
-            asked[i / 64] |= (uint64_t)1 << (i % 64);
-}
-
 void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
 {
     for (int g = 0; g < LIGHT_GROUPS; g++) {
@@ -223,11 +216,11 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         memset(c->bits[g].visible, 0, bytes);
     }
     const pair_bits *virtual = &c->bits[LIGHTS_VIRTUAL], *punctual = &c->bits[LIGHTS_PUNCTUAL];
-    const pair_bits *sampled = &c->bits[LIGHTS_SAMPLED];
     for (uint32_t e = 0; e < c->count; e++) {
         const eye_sample *s = c->eyes[e];
         c->material[e] = v3(0, 0, 0);
-        if (!(material_reflectance(&s->surface) > 0.0f))
+        c->reflects[e] = material_reflectance(&s->surface) > 0.0f;
+        if (!c->reflects[e])
             continue;
         float *geometry = c->geometry + (size_t)e * vpls->padded;
         uint32_t asked = shade_contributions(vpls, s, vpls->luminance, geometry, c->contribution);
@@ -238,16 +231,10 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
                        virtual->refine + (size_t)e * virtual->words);
         }
 
-        light_sample *p = c->punctual + (size_t)e * punctual->lights;
-        for (uint32_t i = 0; i < punctual->lights; i++)
-            p[i] = direct_punctual(s, &v->scene->lights[i]);
-        ask_samples(p, punctual->lights, punctual->asked + (size_t)e * punctual->words);
-
-        size_t first = (size_t)e * sampled->lights;
-        direct_sample(v, s, c->sampled + first, c->sampled_density + first, c->sampled_normal + first);
-        ask_samples(c->sampled + first, sampled->lights, sampled->asked + (size_t)e * sampled->words);
-        c->material[e] = direct_material_sample(v, s);
+        direct_punctuals(v, s, c->punctual + (size_t)e * punctual->lights,
+                         punctual->asked + (size_t)e * punctual->words);
     }
+    direct_samples(v, c);
 }
 
 static rgb sample_sum(const light_sample *samples, const uint64_t *visible, uint32_t words)

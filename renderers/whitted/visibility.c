@@ -91,7 +91,7 @@ static uint64_t exact_group(visibility *o, chunk *c, lanes l, int first_group, i
                     active |= (uint32_t)(asked[(size_t)k * b->words] >> bit & 1u) << k;
                 aim(o, c, l, g, 64 * w + bit);
                 rays += (uint32_t)__builtin_popcount(active);
-                uint32_t free_lanes = active & ~tracer_occluded16(o->view->tracer, p, active, true);
+                uint32_t free_lanes = active & ~tracer_occluded16(o->view->tracer, p, active, g != LIGHTS_SAMPLED);
                 for (uint32_t k = 0; k < l.count; k++)
                     seen[k] |= (uint64_t)(free_lanes >> k & 1u) << bit;
             }

@@ -147,6 +147,7 @@ typedef struct chunk {
     light_sample *sampled;  /* [CHUNK][samples] */
     float *sampled_density; /* of the samples, per unit area or steradian */
     vec3 *sampled_normal;
+    bool reflects[CHUNK]; /* false: black, asks for nothing */
     rgb material[CHUNK]; /* what the material's own sample found: a traced path, no shadow ray */
 } chunk;
 
@@ -172,13 +173,15 @@ rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 /* direct.c */
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
+/* The same of all punctual lights, with their asked bits. */
+void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked);
 /* Fall-off of a spot light between its cones, as KHR_lights_punctual recommends: the square of a linear ramp of the
  * cosine. `direction` is the way the light travels. */
 float direct_spot(const light *l, vec3 direction);
-/* Samples of emitters (density per area, normal) and of the environment (density per steradian), and one direction drawn
- * by the material and traced, all weighted by the balance heuristic. */
-void direct_sample(const view *v, const eye_sample *e, light_sample *out, float *density, vec3 *normal);
-rgb direct_material_sample(const view *v, const eye_sample *e);
+/* For the eye samples of a chunk that reflect: samples of emitters (density per area, normal) and of the environment
+ * (density per steradian), with their asked bits, and one direction each drawn by the material and traced; all weighted
+ * by the balance heuristic. */
+void direct_samples(const view *v, chunk *c);
 /* Random order of the `count` samples of an eye sample. */
 void direct_order(const view *v, const eye_sample *e, uint32_t count, uint16_t *order);
 
