@@ -199,7 +199,7 @@ static findings check_chunks(const view *v)
     chunk c;
     eye_sample eyes[CHUNK];
     rng r = rng_make(6, 1);
-    chunk_new(&c, v, &none);
+    chunk_new(&c, v, &none, v->scene->light_count);
     for (uint32_t i = 0; i < 60; i++) {
         c.count = look_around(v, &r, i % 3 == 0 ? CHUNK : 1 + rng_u32(&r) % CHUNK, eyes);
         for (uint32_t e = 0; e < c.count; e++)
