@@ -134,6 +134,20 @@ static void learn_coarse(world *w)
         }
 }
 
+/* Rows that were never written have no memory behind them yet. */
+static void touch_rows(world *w)
+{
+    uint64_t seed = 17;
+    const vcache_pick pick = {0};
+    const vcache_answer answer = VCACHE_VISIBLE;
+    for (uint64_t i = 0; i < 2 * vcache_light_set_rows(w->set); i++) {
+        vcache_cells cells;
+        for (int k = 0; k < VCACHE_CELLS; k++)
+            cells.key[k] = random_bits(&seed) | 1;
+        vcache_learn(w->set, &cells, &pick, &answer, 1);
+    }
+}
+
 static void fill(world *w)
 {
     uint64_t visible[MICRO_WORDS] = {0};
@@ -177,7 +191,9 @@ world *world_new(const world_spec *spec)
         w->contribution[i] = 0.1f + random_unit(&seed);
     w->eye_count = (uint32_t)(rows ? row_bytes[spec->where] / row : table_bytes[spec->where] / 4 / MICRO_LIGHTS);
     make_eyes(w, &config);
-    if (spec->kind != WORLD_EMPTY)
+    if (spec->kind == WORLD_EMPTY)
+        touch_rows(w);
+    else
         fill(w);
     w->use = need(malloc(w->eye_count * sizeof *w->use));
     return w;

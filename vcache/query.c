@@ -31,11 +31,11 @@ static inline place find_place(const vcache *c, vcache_hash family, uint64_t epo
     return p;
 }
 
-static inline bool look_up(const vcache *c, place at, bool *visible)
+/* 0: known and blocked, 1: known and visible, more: unknown. So an answer that contradicts `state` is state ^ 1, and no
+ * branch on what the table holds is needed to find one: half full tables would mispredict it. */
+static inline uint32_t look_up(const table *t, uint64_t slot, uint32_t word)
 {
-    uint32_t word = table_load_relaxed(&c->table, at.slot);
-    *visible = word & 1u;
-    return (word & ~1u) == table_word(at.key);
+    return table_load_relaxed(t, slot) ^ word;
 }
 
 /* Algorithm 2 from `level` on: down while one of the known neighbours differs. */
@@ -46,14 +46,14 @@ static inline step walk(const vcache *c, vcache_hash family, uint64_t epoch_key,
     for (;; s.level++) {
         const eye_level *l = &eye->level[s.level];
         s.at = find_place(c, family, epoch_key, l->center, light);
-        s.known = look_up(c, s.at, &s.visible);
+        uint32_t state = look_up(&c->table, s.at.slot, table_word(s.at.key)), differs = 0;
+        s.known = state <= 1;
+        s.visible = state & 1u;
         if (!s.known || s.level + 1 == eye->levels)
             return s;
-        bool differs = false;
-        for (int i = 0; i < 4 && !differs; i++) {
-            bool other;
-            if (look_up(c, find_place(c, family, epoch_key, l->neighbour[i], light), &other))
-                differs = other != s.visible;
+        for (int i = 0; i < 4; i++) {
+            place at = find_place(c, family, epoch_key, l->neighbour[i], light);
+            differs |= look_up(&c->table, at.slot, table_word(at.key)) == (state ^ 1u);
         }
         if (!differs)
             return s;
@@ -142,10 +142,9 @@ static inline void add_block(vcache_worker *w, vcache_hash family, int cells, ui
     uint64_t yes = 0, missing = 0, differs = 0, rest = asked & ~exact;
     for (uint64_t bits = rest; bits; bits &= bits - 1) {
         uint32_t i = (uint32_t)count_trailing_zeros(bits);
-        /* 0: known and blocked, 1: known and visible, more: unknown */
-        uint32_t state = table_load_relaxed(t, at[0][i].slot) ^ at[0][i].word, other = 0;
+        uint32_t state = look_up(t, at[0][i].slot, at[0][i].word), other = 0;
         for (int k = 1; k < cells; k++)
-            other |= (table_load_relaxed(t, at[k][i].slot) ^ at[k][i].word) == (state ^ 1u);
+            other |= look_up(t, at[k][i].slot, at[k][i].word) == (state ^ 1u);
         yes |= (uint64_t)(state & 1u) << i;
         missing |= (uint64_t)(state > 1u) << i;
         differs |= (uint64_t)other << i;
@@ -205,8 +204,8 @@ uint32_t vcache_add(vcache_worker *w, const vcache_eye *eye, const vcache_light 
 }
 
 /* Its own copy per family, in line: a pair costs little more than the calls it would take. */
-static inline bool visible_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye, const vcache_light *light,
-                                  vcache_trace trace, void *context)
+static inline bool visible_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
+                                  const vcache_light *light, vcache_trace trace, void *context)
 {
     w->statistics.asked++;
     if (w->config.exact || bypasses(eye, light))
@@ -254,13 +253,15 @@ static bool vertices_place(const vcache *c, uint64_t epoch_key, vcache_vertex *e
 void table_enter_vertices(vcache_worker *w, pair *p, uint64_t epoch_key)
 {
     place at = {0};
-    bool value;
     if (w->config.exact || !vertices_place(w->cache, epoch_key, p->from.vertex, p->to.vertex, &at)) {
         p->level = NO_LEVEL;
         worker_add_miss(w, p, (place){0});
-    } else if (look_up(w->cache, at, &value)) {
+        return;
+    }
+    uint32_t state = look_up(&w->cache->table, at.slot, table_word(at.key));
+    if (state <= 1) {
         worker_count_hit(w, 0);
-        worker_answer(p->visible, p->bit, value);
+        worker_answer(p->visible, p->bit, state & 1u);
     } else {
         worker_ask(w, p, at);
     }
