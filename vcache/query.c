@@ -20,11 +20,6 @@ static inline bool bypasses(const vcache_eye *eye, const vcache_light *light)
     return !(distance_squared(eye->position, light->position) >= side);
 }
 
-bool table_bypasses(const vcache_eye *eye, const vcache_light *light)
-{
-    return bypasses(eye, light);
-}
-
 static inline place find_place(const vcache *c, vcache_hash family, uint64_t epoch_key, uint64_t half,
                                const vcache_light *light)
 {
@@ -36,11 +31,11 @@ static inline place find_place(const vcache *c, vcache_hash family, uint64_t epo
     return p;
 }
 
-static inline bool look_up(const vcache *c, place at, bool *visible)
+/* 0: known and blocked, 1: known and visible, more: unknown. So an answer that contradicts `state` is state ^ 1, and no
+ * branch on what the table holds is needed to find one: half full tables would mispredict it. */
+static inline uint32_t look_up(const table *t, uint64_t slot, uint32_t word)
 {
-    uint32_t word = table_load_relaxed(&c->table, at.slot);
-    *visible = word & 1u;
-    return (word & ~1u) == table_word(at.key);
+    return table_load_relaxed(t, slot) ^ word;
 }
 
 /* Algorithm 2 from `level` on: down while one of the known neighbours differs. */
@@ -51,14 +46,14 @@ static inline step walk(const vcache *c, vcache_hash family, uint64_t epoch_key,
     for (;; s.level++) {
         const eye_level *l = &eye->level[s.level];
         s.at = find_place(c, family, epoch_key, l->center, light);
-        s.known = look_up(c, s.at, &s.visible);
+        uint32_t state = look_up(&c->table, s.at.slot, table_word(s.at.key)), differs = 0;
+        s.known = state <= 1;
+        s.visible = state & 1u;
         if (!s.known || s.level + 1 == eye->levels)
             return s;
-        bool differs = false;
-        for (int i = 0; i < 4 && !differs; i++) {
-            bool other;
-            if (look_up(c, find_place(c, family, epoch_key, l->neighbour[i], light), &other))
-                differs = other != s.visible;
+        for (int i = 0; i < 4; i++) {
+            place at = find_place(c, family, epoch_key, l->neighbour[i], light);
+            differs |= look_up(&c->table, at.slot, table_word(at.key)) == (state ^ 1u);
         }
         if (!differs)
             return s;
@@ -79,82 +74,95 @@ void table_write(vcache_worker *w, place at, bool visible)
     table_store_relaxed(&c->table, at.slot, word | (uint32_t)visible);
 }
 
-static inline void prefetch(const vcache *c, uint64_t slot)
+/* What pass one of a block finds out about a pair of cells. Slots fit 32 bits: there are at most 2^32. */
+typedef struct spot {
+    uint32_t slot, word;
+} spot;
+
+static inline spot spot_of(const vcache *c, vcache_hash family, uint64_t key)
+{
+    return (spot){(uint32_t)pair_slot(c, family, key), table_word(key)};
+}
+
+static inline void prefetch(const table *t, uint64_t slot)
 {
 #if defined(__GNUC__)
-    __builtin_prefetch((const void *)&c->table.words[slot]);
+    __builtin_prefetch((const void *)&t->words[slot]);
 #else
-    (void)c, (void)slot;
+    (void)t, (void)slot;
 #endif
 }
 
 /* Up to 64 lights: the walk of Algorithm 2 over all of them at a time, so that their words come from memory side by
- * side and not one after the other. Nearly all pairs end in the first level; the others go on one by one. */
-static inline void add_block(vcache_worker *w, vcache_hash family, uint64_t epoch_key, const vcache_eye *eye,
+ * side and not one after the other, and without a branch on what they hold. Nearly all pairs end in the first level;
+ * the others go on one by one. `cells`: 5, or 1 where neighbours do not matter; constant in each copy of this loop. */
+static inline void add_block(vcache_worker *w, vcache_hash family, int cells, uint64_t epoch_key, const vcache_eye *eye,
                              const vcache_light *lights, uint32_t base, uint64_t asked, uint64_t *visible)
 {
     const vcache *c = w->cache;
+    const table *t = &c->table;
     const eye_level *l = &eye->level[0];
     const uint64_t half[5] = {l->center, l->neighbour[0], l->neighbour[1], l->neighbour[2], l->neighbour[3]};
-    const int cells = eye->levels > 1 ? 5 : 1; /* without refinement the neighbours do not matter */
-    pair p = {.from.eye = eye, .visible = visible};
-    place at[64][5];
-    uint64_t yes = 0, no = 0, line = 0, start[5] = {0};
-    uint8_t index[64], last_lane = LANE_NONE;
-    uint32_t count = 0;
-    for (; asked; asked &= asked - 1) {
-        uint32_t i = (uint32_t)count_trailing_zeros(asked);
-        p.to.light = &lights[base + i];
-        p.bit = base + i;
-        if (w->config.exact || bypasses(eye, p.to.light)) {
-            p.level = NO_LEVEL;
-            worker_add_miss(w, &p, (place){0});
+    spot at[5][64];
+    uint64_t exact = w->config.exact ? asked : 0, line = 0, start[5] = {0};
+    uint8_t last_lane = LANE_NONE;
+    for (uint64_t bits = asked & ~exact; bits; bits &= bits - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(bits);
+        const vcache_light *light = &lights[base + i];
+        if (bypasses(eye, light)) {
+            exact |= (uint64_t)1 << i;
             continue;
         }
-        uint8_t lane = p.to.light->lane;
+        uint8_t lane = light->lane;
         if (lane == LANE_NONE) {
             for (int k = 0; k < cells; k++) {
-                at[count][k] = find_place(c, family, epoch_key, half[k], p.to.light);
-                prefetch(c, at[count][k].slot);
+                at[k][i] = spot_of(c, family, pair_key(family, epoch_key, half[k], light));
+                prefetch(t, at[k][i].slot);
             }
         } else {
-            if (last_lane == LANE_NONE || line != p.to.light->key.line) {
-                line = p.to.light->key.line;
+            if (last_lane == LANE_NONE || line != light->key.line) {
+                line = light->key.line;
                 for (int k = 0; k < cells; k++) {
                     start[k] = pair_line(c, epoch_key, half[k], line);
-                    prefetch(c, start[k]);
+                    prefetch(t, start[k]);
                 }
             }
             for (int k = 0; k < cells; k++)
-                at[count][k] = (place){pair_key(family, epoch_key, half[k], p.to.light), start[k] + lane};
+                at[k][i] = (spot){(uint32_t)start[k] + lane, table_word(pair_key(family, epoch_key, half[k], light))};
         }
         last_lane = lane;
-        index[count++] = (uint8_t)i;
     }
-    for (uint32_t n = 0; n < count; n++) {
-        bool value, other, differs = false;
-        if (!look_up(c, at[n][0], &value)) {
-            p.to.light = &lights[base + index[n]];
-            p.bit = base + index[n];
-            p.level = 0;
-            worker_ask(w, &p, at[n][0]);
-            continue;
-        }
-        for (int k = 1; k < cells; k++) {
-            bool found = look_up(c, at[n][k], &other); /* before `other` is read */
-            differs |= found & (other != value);
-        }
-        if (differs) {
-            p.to.light = &lights[base + index[n]];
-            p.bit = base + index[n];
+    pair p = {.from.eye = eye, .visible = visible};
+    for (uint64_t bits = exact; bits; bits &= bits - 1) {
+        p.bit = base + (uint32_t)count_trailing_zeros(bits);
+        p.to.light = &lights[p.bit];
+        p.level = NO_LEVEL;
+        worker_add_miss(w, &p, (place){0});
+    }
+    uint64_t yes = 0, missing = 0, differs = 0, rest = asked & ~exact;
+    for (uint64_t bits = rest; bits; bits &= bits - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(bits);
+        uint32_t state = look_up(t, at[0][i].slot, at[0][i].word), other = 0;
+        for (int k = 1; k < cells; k++)
+            other |= look_up(t, at[k][i].slot, at[k][i].word) == (state ^ 1u);
+        yes |= (uint64_t)(state & 1u) << i;
+        missing |= (uint64_t)(state > 1u) << i;
+        differs |= (uint64_t)other << i;
+    }
+    for (uint64_t bits = missing | differs; bits; bits &= bits - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(bits);
+        p.bit = base + i;
+        p.to.light = &lights[p.bit];
+        p.level = 0;
+        if (missing >> i & 1u)
+            worker_ask(w, &p, find_place(c, family, epoch_key, l->center, p.to.light));
+        else
             worker_finish(w, &p, walk(c, family, epoch_key, eye, p.to.light, 1));
-            continue;
-        }
-        *(value ? &yes : &no) |= (uint64_t)1 << index[n];
     }
-    w->statistics.hits[0] += count_ones(yes | no);
-    w->statistics.hit_levels |= (yes | no) != 0;
-    visible[base / 64] = (visible[base / 64] | yes) & ~no;
+    uint64_t found = rest & ~(missing | differs);
+    w->statistics.hits[0] += count_ones(found);
+    w->statistics.hit_levels |= found != 0;
+    visible[base / 64] = (visible[base / 64] & ~found) | (yes & found);
 }
 
 static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
@@ -170,8 +178,10 @@ static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vc
         uint32_t room = worker_room(w);
         word = worker_take(word, &room, base, end, &first);
         w->statistics.asked += count_ones(word);
-        if (word)
-            add_block(w, family, epoch_key, eye, lights, base, word, visible);
+        if (word && eye->levels > 1)
+            add_block(w, family, 5, epoch_key, eye, lights, base, word, visible);
+        else if (word)
+            add_block(w, family, 1, epoch_key, eye, lights, base, word, visible);
         if (first < base + end)
             break;
     }
@@ -191,6 +201,36 @@ uint32_t vcache_add(vcache_worker *w, const vcache_eye *eye, const vcache_light 
         break;
     }
     return add_family(w, VCACHE_HASH_LCG_XORSHIFT, eye, lights, first, count, asked, visible);
+}
+
+/* Its own copy per family, in line: a pair costs little more than the calls it would take. */
+static inline bool visible_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
+                                  const vcache_light *light, vcache_trace trace, void *context)
+{
+    w->statistics.asked++;
+    if (w->config.exact || bypasses(eye, light))
+        return worker_trace_one(w, eye, light, NULL, trace, context);
+    step s = walk(w->cache, family, worker_epoch(w), eye, light, 0);
+    if (s.known) {
+        worker_count_hit(w, s.level);
+        return s.visible;
+    }
+    place at = s.at; /* so that the step itself can stay in registers */
+    return worker_trace_one(w, eye, light, &at, trace, context);
+}
+
+bool vcache_visible(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, vcache_trace trace,
+                    void *context)
+{
+    switch (w->cache->config.hash) {
+    case VCACHE_HASH_SPLIT:
+        return visible_family(w, VCACHE_HASH_SPLIT, eye, light, trace, context);
+    case VCACHE_HASH_LCG_PAIR:
+        return visible_family(w, VCACHE_HASH_LCG_PAIR, eye, light, trace, context);
+    case VCACHE_HASH_LCG_XORSHIFT:
+        break;
+    }
+    return visible_family(w, VCACHE_HASH_LCG_XORSHIFT, eye, light, trace, context);
 }
 
 /* ------------------------------------------------------------------------------------------------------- vertices */
@@ -213,13 +253,15 @@ static bool vertices_place(const vcache *c, uint64_t epoch_key, vcache_vertex *e
 void table_enter_vertices(vcache_worker *w, pair *p, uint64_t epoch_key)
 {
     place at = {0};
-    bool value;
     if (w->config.exact || !vertices_place(w->cache, epoch_key, p->from.vertex, p->to.vertex, &at)) {
         p->level = NO_LEVEL;
         worker_add_miss(w, p, (place){0});
-    } else if (look_up(w->cache, at, &value)) {
+        return;
+    }
+    uint32_t state = look_up(&w->cache->table, at.slot, table_word(at.key));
+    if (state <= 1) {
         worker_count_hit(w, 0);
-        worker_answer(p->visible, p->bit, value);
+        worker_answer(p->visible, p->bit, state & 1u);
     } else {
         worker_ask(w, p, at);
     }

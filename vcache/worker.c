@@ -265,31 +265,20 @@ bool vcache_query(vcache_worker *w, const vcache_eye *eye, const vcache_light *l
     return vcache_resolve(w, trace, context);
 }
 
-bool vcache_visible(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, vcache_trace trace,
-                    void *context)
+bool worker_trace_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, const place *at,
+                      vcache_trace trace, void *context)
 {
-    uint64_t epoch_key = worker_epoch(w);
-    bool bypass = w->config.exact || table_bypasses(eye, light);
-    step s = {0};
-    w->statistics.asked++;
-    if (!bypass) {
-        s = table_walk(w->cache, epoch_key, eye, light, 0);
-        if (s.known) {
-            worker_count_hit(w, s.level);
-            return s.visible;
-        }
-    }
     vcache_miss miss;
     vcache_answer result = VCACHE_BLOCKED;
     describe(&miss, eye->user, eye->position, light->user, light->position, light->side_squared < 0.0f);
     w->statistics.traced++;
-    w->statistics.bypassed += bypass;
+    w->statistics.bypassed += !at;
     if (!trace(context, &miss, 1, &result))
         return false;
     if (result & VCACHE_ONCE)
         w->statistics.once++;
-    else if (!bypass)
-        table_write(w, s.at, result & VCACHE_VISIBLE);
+    else if (at)
+        table_write(w, *at, result & VCACHE_VISIBLE);
     return result & VCACHE_VISIBLE;
 }
 

@@ -97,8 +97,11 @@ void worker_finish(vcache_worker *w, pair *p, step s);
 /* The lights of a word that the batch has room for, in order. `*next` becomes the first light not taken. */
 uint64_t worker_take(uint64_t word, uint32_t *room, uint32_t base, uint32_t end, uint32_t *next);
 
+/* A ray at once for a single query; `at`: where its answer goes, NULL for a bypass. */
+bool worker_trace_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, const place *at,
+                      vcache_trace trace, void *context);
+
 /* query.c: Algorithm 2 from `level` on, over words of the table. */
-bool table_bypasses(const vcache_eye *eye, const vcache_light *light);
 step table_walk(const vcache *c, uint64_t epoch_key, const vcache_eye *eye, const vcache_light *light, uint32_t level);
 void table_enter_vertices(vcache_worker *w, pair *p, uint64_t epoch_key);
 /* Writes a word; counts it. */

@@ -113,6 +113,9 @@ bool comparison_json(const comparison *c, const char *path, message *err)
         number(s, "frame_min", low);
         number(s, "frame_max", high);
         number(s, "shade", comparison_ratio(c, true, &low, &high));
+        cJSON *frames = cJSON_AddArrayToObject(s, "frames");
+        for (int i = 0; i < c->runs; i++)
+            cJSON_AddItemToArray(frames, cJSON_CreateNumber(c->exact[i].frame_s / c->mode[i].frame_s));
         number(s, "rays", m->rays.traced ? (double)c->exact_frame.rays.traced / (double)m->rays.traced : 1.0);
     }
     char *text = cJSON_Print(j);
