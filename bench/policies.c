@@ -21,8 +21,14 @@ typedef struct policy {
     estimator_policy estimator;
 } policy;
 
-#define GRID(text, ...) {.name = text, .grid = {__VA_ARGS__}}
-#define ESTIMATE(text, ...) {.name = text, .estimates = true, .estimator = {__VA_ARGS__}}
+#define GRID(text, ...)                                                                                                \
+    {                                                                                                                  \
+        .name = text, .grid = { __VA_ARGS__ }                                                                          \
+    }
+#define ESTIMATE(text, ...)                                                                                            \
+    {                                                                                                                  \
+        .name = text, .estimates = true, .estimator = { __VA_ARGS__ }                                                  \
+    }
 
 static const policy policies[] = {
     GRID("a ce 8", .ce = 8),
@@ -37,6 +43,9 @@ static const policy policies[] = {
     GRID("a ce 16, 3 levels", .ce = 16, .levels = 3),
     GRID("a ce 32, 2 levels", .ce = 32, .levels = 2),
     GRID("a ce 32, 3 levels", .ce = 32, .levels = 3),
+    GRID("a ce 8, contacts by the eye cell alone", .ce = 8, .eye_contacts = true),
+    GRID("a ce 16, contacts by the eye cell alone", .ce = 16, .eye_contacts = true),
+    GRID("a ce 32, contacts by the eye cell alone", .ce = 32, .eye_contacts = true),
 
     GRID("b ce 16, refine above 0.25", .ce = 16, .refine_above = 0.25f),
     GRID("b ce 16, refine above 0.5", .ce = 16, .refine_above = 0.5f),
@@ -49,6 +58,10 @@ static const policy policies[] = {
     GRID("b ce 16, finer above 8", .ce = 16, .finer_above = 8),
     GRID("b ce 16, refine above 1, finer above 8", .ce = 16, .refine_above = 1, .finer_above = 8),
     GRID("b ce 32, refine above 1, finer above 8", .ce = 32, .refine_above = 1, .finer_above = 8),
+    GRID("b ce 16, as above, contacts by the eye cell alone", .ce = 16, .refine_above = 1, .finer_above = 8,
+         .eye_contacts = true),
+    GRID("b ce 32, as above, contacts by the eye cell alone", .ce = 32, .refine_above = 1, .finer_above = 8,
+         .eye_contacts = true),
     GRID("b ce 8, side ~ c^-1/3", .ce = 8, .levels = 5, .power = 1 / 3.0f),
     GRID("b ce 16, side ~ c^-1/3", .ce = 16, .levels = 6, .power = 1 / 3.0f),
     GRID("b ce 8, side ~ c^-2/3", .ce = 8, .levels = 5, .power = 2 / 3.0f),
@@ -109,6 +122,8 @@ static const policy policies[] = {
     ESTIMATE("j K 6, adaptive", .rays = 6, .adapt = 2 / 3.0f),
     ESTIMATE("j K 8, adaptive", .rays = 8, .adapt = 2 / 3.0f),
     ESTIMATE("j K 16, adaptive", .rays = 16, .adapt = 2 / 3.0f),
+    ESTIMATE("j K 8, adaptive by power 1/2", .rays = 8, .adapt = 0.5f),
+    ESTIMATE("j K 8, adaptive by power 1", .rays = 8, .adapt = 1),
     ESTIMATE("j K 4, independent", .rays = 4, .offsets = OFFSET_INDEPENDENT),
     ESTIMATE("j K 8, independent", .rays = 8, .offsets = OFFSET_INDEPENDENT),
     ESTIMATE("j K 8, adaptive, independent", .rays = 8, .adapt = 2 / 3.0f, .offsets = OFFSET_INDEPENDENT),
@@ -116,6 +131,10 @@ static const policy policies[] = {
     ESTIMATE("j K 8, learns after 256", .rays = 8, .delay = 256),
     ESTIMATE("j K 8, learns after 1024", .rays = 8, .delay = 1024),
     ESTIMATE("j K 8, fixed table", .rays = 8, .table = TABLE_FIXED),
+    ESTIMATE("j K 4, adaptive, fixed table, learns after 64", .rays = 4, .adapt = 2 / 3.0f, .table = TABLE_FIXED,
+             .delay = 64),
+    ESTIMATE("j K 8, adaptive, fixed table, learns after 64", .rays = 8, .adapt = 2 / 3.0f, .table = TABLE_FIXED,
+             .delay = 64),
     ESTIMATE("j K 8, 1 cell", .rays = 8, .cells = 1),
     ESTIMATE("j K 8, 2 cells", .rays = 8, .cells = 2),
     ESTIMATE("j K 8, 4 cells", .rays = 8, .cells = 4),
@@ -150,13 +169,21 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "size", .kind = OPTION_SIZE, .value = &a->size, .min = 1, .max = 4096, .help = "size in pixels"},
         {.name = "spp", .kind = OPTION_INT, .value = &a->spp, .min = 1, .max = 1024, .help = "eye paths per pixel"},
         {.name = "vpls", .kind = OPTION_INT, .value = &a->vpls, .min = 1, .max = 65536, .help = "virtual lights"},
-        {.name = "filter", .kind = OPTION_STRING, .value = &a->filter, .metavar = "REGEX",
+        {.name = "filter",
+         .kind = OPTION_STRING,
+         .value = &a->filter,
+         .metavar = "REGEX",
          .help = "only policies whose name matches"},
         {.name = "list", .kind = OPTION_FLAG, .value = &a->list, .help = "names of the policies, nothing else"},
-        {.name = "csv", .kind = OPTION_STRING, .value = &a->csv, .metavar = "FILE",
+        {.name = "csv",
+         .kind = OPTION_STRING,
+         .value = &a->csv,
+         .metavar = "FILE",
          .help = "appends the figures; a new file gets a header"},
-        {.name = "states", .kind = OPTION_FLAG, .value = &a->states,
-         .help = "what was seen of each combination of states, estimator with K 8"},
+        {.name = "states",
+         .kind = OPTION_FLAG,
+         .value = &a->states,
+         .help = "also what was seen of each combination of states with K 8"},
     };
     const option_program program = {.name = "policies",
                                     .summary = "Replays caching policies against the exact visibility of a view.",
@@ -203,15 +230,15 @@ static const char *scene_name(const char *path, char out[64])
 
 static void replay_all(const record *r, const char *name, const bool chosen[POLICIES], FILE *csv)
 {
-    printf("%-42s %9s %9s %9s %9s %10s\n", name, "rays, %", "per eye", "l_inf, %", "wrong, %", "cells");
+    printf("%-52s %9s %9s %9s %9s %10s\n", name, "rays, %", "per eye", "l_inf, %", "wrong, %", "cells");
     for (int i = 0; i < POLICIES; i++) {
         if (!chosen[i])
             continue;
         replay_result x = policies[i].estimates ? replay_estimator(r, &policies[i].estimator, NULL, NULL)
-                                             : replay_grid(r, &policies[i].grid);
+                                                : replay_grid(r, &policies[i].grid);
         double share = (double)x.rays / (double)r->pairs, per_eye = (double)x.rays / r->count;
         double wrong = (double)x.wrong / (double)r->pairs;
-        printf("%-42s %9.3f %9.2f %9.3f ", policies[i].name, 100.0 * share, per_eye, 100.0 * x.l_inf);
+        printf("%-52s %9.3f %9.2f %9.3f ", policies[i].name, 100.0 * share, per_eye, 100.0 * x.l_inf);
         if (policies[i].estimates)
             printf("%9s %10u\n", "-", x.cells);
         else
@@ -264,13 +291,17 @@ static bool run(const arguments *a, const bool chosen[POLICIES], message *err)
     FILE *csv = a->csv ? open_csv(a->csv, err) : NULL;
     if (a->csv && !csv)
         return false;
-    const record_options options = {.scene = a->scene, .env = a->env, .width = a->size.width,
-                                    .height = a->size.height, .spp = a->spp, .vpls = a->vpls};
+    const record_options options = {.scene = a->scene,
+                                    .env = a->env,
+                                    .width = a->size.width,
+                                    .height = a->size.height,
+                                    .spp = a->spp,
+                                    .vpls = a->vpls};
     bool ok = record_make(&options, &r, err);
+    if (ok)
+        replay_all(&r, scene_name(a->scene, name), chosen, csv);
     if (ok && a->states)
         print_states(&r);
-    else if (ok)
-        replay_all(&r, scene_name(a->scene, name), chosen, csv);
     record_free(&r);
     if (csv && (ferror(csv) | fclose(csv)) && ok)
         return fail(err, "%s: cannot write", a->csv);

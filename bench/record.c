@@ -5,6 +5,7 @@
 #include "halton/halton.h"
 #include "renderers/common/parallel.h"
 
+#include <float.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -46,16 +47,6 @@ static void grow(record *r, size_t *capacity, size_t more)
     r->pixel = xrealloc(r->pixel, *capacity * sizeof *r->pixel);
     r->visible = xrealloc(r->visible, *capacity * r->words * sizeof *r->visible);
     r->asked = xrealloc(r->asked, *capacity * r->words * sizeof *r->asked);
-}
-
-CLONES static void positive(const float *restrict values, uint32_t words, uint64_t *restrict bits)
-{
-    for (uint32_t w = 0; w < words; w++) {
-        uint64_t word = 0;
-        for (uint32_t i = 0; i < 64; i++)
-            word |= (uint64_t)(values[64 * w + i] > 0.0f) << i;
-        bits[w] = word;
-    }
 }
 
 /* Traces the eye paths of all tiles again, in the order of the frame's, and joins them with what the frame took down.
@@ -100,7 +91,7 @@ static void ask(record *r)
     for (uint32_t i = 0; i < r->count; i++) {
         uint64_t *asked = r->asked + (size_t)i * r->words;
         record_contributions(r, i, &row);
-        positive(row.luminance, r->words, asked);
+        bits_above(row.luminance, FLT_MIN, r->words, asked);
         for (uint32_t w = 0; w < r->words; w++)
             r->pairs += (uint32_t)__builtin_popcountll(asked[w]);
     }
@@ -151,8 +142,7 @@ void record_free(record *r)
     scene_free(r->scene);
 }
 
-/* ------------------------------------------------------------------------------------------------------- contributions
- */
+/* ---- contributions */
 
 record_row record_row_new(const record *r)
 {
@@ -172,13 +162,12 @@ void record_row_free(record_row *row)
 }
 
 /* As geometry_row of renderers/whitted/shade.c, times the powers and `scale`. */
-CLONES static void diffuse(const vpl_set *l, const eye_sample *e, rgb scale, record_row *row)
+CLONES static void diffuse(const vpl_set *l, const eye_sample *e, rgb scale, float *restrict out_r,
+                           float *restrict out_g, float *restrict out_b, float *restrict out)
 {
     const float *restrict x = l->x, *restrict y = l->y, *restrict z = l->z;
     const float *restrict nx = l->nx, *restrict ny = l->ny, *restrict nz = l->nz;
     const float *restrict lr = l->r, *restrict lg = l->g, *restrict lb = l->b;
-    float *restrict out_r = row->r, *restrict out_g = row->g, *restrict out_b = row->b;
-    float *restrict out = row->luminance;
     const vec3 p = e->origin, n = e->surface.normal, s = e->surface.geometric_normal;
     const float clamp = l->clamp;
     for (uint32_t i = 0; i < l->padded; i++) {
@@ -220,11 +209,11 @@ void record_contributions(const record *r, uint32_t eye, record_row *row)
     const eye_sample *e = &r->eyes[eye];
     const vpl_set *l = &r->lights;
     if (!(material_reflectance(&e->surface) > 0.0f)) {
-        diffuse(l, e, v3(0, 0, 0), row);
+        diffuse(l, e, v3(0, 0, 0), row->r, row->g, row->b, row->luminance);
         return;
     }
     bool plain = e->surface.material->kind == MATERIAL_DIFFUSE;
-    diffuse(l, e, plain ? reflected(e, l, 0) : v3(1, 1, 1), row);
+    diffuse(l, e, plain ? reflected(e, l, 0) : v3(1, 1, 1), row->r, row->g, row->b, row->luminance);
     for (uint32_t i = 0; !plain && i < l->count; i++)
         if (row->luminance[i] > 0.0f) {
             rgb c = v3_mul(reflected(e, l, i), v3(row->r[i], row->g[i], row->b[i]));
@@ -233,8 +222,27 @@ void record_contributions(const record *r, uint32_t eye, record_row *row)
         }
 }
 
-/* --------------------------------------------------------------------------------------------------------- the order
- */
+CLONES static void bytes_above(const float *restrict values, float bound, uint8_t *restrict out)
+{
+    for (uint32_t i = 0; i < 64; i++)
+        out[i] = values[i] >= bound;
+}
+
+void bits_above(const float *values, float bound, uint32_t words, uint64_t *bits)
+{
+    for (uint32_t w = 0; w < words; w++) {
+        uint8_t bytes[64];
+        bytes_above(values + (size_t)64 * w, bound, bytes);
+        bits[w] = 0;
+        for (uint32_t i = 0; i < 8; i++) { /* byte k of eight to bit k */
+            uint64_t eight;
+            memcpy(&eight, bytes + 8 * i, sizeof eight);
+            bits[w] |= (eight * 0x0102040810204080u >> 56) << 8 * i;
+        }
+    }
+}
+
+/* ---- the order */
 
 typedef struct place_in_order {
     uint64_t key;
@@ -270,8 +278,7 @@ void record_sort(const record *r, record_order order, double cell_pixels, uint32
     free(places);
 }
 
-/* ------------------------------------------------------------------------------------------------- ends and their
- * cells */
+/* ---- ends and their cells */
 
 vcache *record_cache(const record *r, vcache_config config)
 {

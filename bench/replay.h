@@ -22,6 +22,7 @@ typedef struct grid_policy {
     int agree;          /* > 0: starts at the finest level; where so many levels above it agree, takes their answer */
     float middle;       /* > 0: only points in this middle part of a side may define a cell */
     bool share_lights;  /* lights of one light cell share a bit */
+    bool eye_contacts;  /* only pairs nearer than an eye cell are traced as contacts, whatever the light's cell is */
     float jitter;       /* the cell is looked up within +- half of this times its side */
 } grid_policy;
 

@@ -9,6 +9,8 @@
 
 enum { BLOCK = 16 }; /* lights whose deviations are summed before the sample's points are looked for */
 
+typedef float lanes __attribute__((vector_size(4 * BLOCK)));
+
 /* A ray whose answer is not yet learned. */
 typedef struct lesson {
     uint32_t cell[MAX_CELLS];
@@ -36,6 +38,7 @@ typedef struct replay {
     record_row row;
     uint8_t *state, *visible; /* bytes of each light */
     float *weight, *block;    /* contribution times deviation; its sums over blocks */
+    float *error;             /* expected less true visibility */
     uint32_t cell[MAX_CELLS];
     replay_result result;
 } replay;
@@ -115,36 +118,44 @@ static void look(replay *s, uint32_t eye)
     }
 }
 
+/* Weights of the sample, and what is expected of each light less what is true. */
 CLONES static void weigh(const float *restrict luminance, const uint8_t *restrict state,
-                         const float *restrict deviation, uint32_t count, float *restrict weight, float *restrict block)
+                         const uint8_t *restrict visible, const float *restrict deviation, const float *restrict mean,
+                         uint32_t count, float *restrict weight, float *restrict error)
 {
     for (uint32_t i = 0; i < count; i++)
         weight[i] = luminance[i] * deviation[state[i]];
-    for (uint32_t b = 0; b < count / BLOCK; b++) {
-        float sum = 0.0f;
-        for (uint32_t i = 0; i < BLOCK; i++)
-            sum += weight[b * BLOCK + i];
-        block[b] = sum;
-    }
+    for (uint32_t i = 0; i < count; i++)
+        error[i] = mean[state[i]] - (float)visible[i];
 }
 
-/* Expected less true sum over all lights, in fixed lanes. */
-CLONES static rgb error_of_means(const record_row *row, const uint8_t *restrict state, const uint8_t *restrict visible,
-                                 const float *restrict mean, uint32_t count)
+CLONES static float dot(const float *a, const float *b, uint32_t count)
 {
-    const float *restrict red = row->r, *restrict green = row->g, *restrict blue = row->b;
-    float r[BLOCK] = {0}, g[BLOCK] = {0}, b[BLOCK] = {0};
-    for (uint32_t i = 0; i < count; i += BLOCK)
-        for (uint32_t k = 0; k < BLOCK; k++) {
-            float d = mean[state[i + k]] - (float)visible[i + k];
-            r[k] += d * red[i + k];
-            g[k] += d * green[i + k];
-            b[k] += d * blue[i + k];
-        }
-    rgb sum = {0, 0, 0};
+    lanes sum = {0};
+    for (uint32_t i = 0; i < count; i += BLOCK) {
+        lanes x, y;
+        memcpy(&x, a + i, sizeof x);
+        memcpy(&y, b + i, sizeof y);
+        sum += x * y;
+    }
+    float all = 0.0f;
     for (uint32_t k = 0; k < BLOCK; k++)
-        sum = v3_add(sum, v3(r[k], g[k], b[k]));
-    return sum;
+        all += sum[k];
+    return all;
+}
+
+CLONES static float sum_blocks(const float *weight, uint32_t blocks, float *block)
+{
+    float all = 0.0f;
+    for (uint32_t b = 0; b < blocks; b++) {
+        float x[4] = {0};
+        for (uint32_t i = 0; i < BLOCK; i += 4)
+            for (uint32_t k = 0; k < 4; k++)
+                x[k] += weight[b * BLOCK + i + k];
+        block[b] = (x[0] + x[1]) + (x[2] + x[3]);
+        all += block[b];
+    }
+    return all;
 }
 
 /* Where the systematic sample of this eye sample begins, in steps. */
@@ -236,13 +247,12 @@ static void one_eye(replay *s, uint32_t eye)
         look(s, eye);
     if (s->tallies)
         tally(s, eye);
-    weigh(s->row.luminance, s->state, s->deviation, r->padded, s->weight, s->block);
-    float deviations = 0.0f;
-    for (uint32_t b = 0; b < r->padded / BLOCK; b++)
-        deviations += s->block[b];
+    weigh(s->row.luminance, s->state, s->visible, s->deviation, s->mean, r->padded, s->weight, s->error);
+    float deviations = sum_blocks(s->weight, r->padded / BLOCK, s->block);
     if (!(deviations > 0.0f))
         return;
-    rgb error = error_of_means(&s->row, s->state, s->visible, s->mean, r->padded);
+    rgb error = {dot(s->error, s->row.r, r->padded), dot(s->error, s->row.g, r->padded),
+                 dot(s->error, s->row.b, r->padded)};
     rgb *d = &s->difference[r->pixel[eye]];
     *d = v3_add(*d, v3_add(error, sample(s, eye, deviations)));
 }
@@ -266,6 +276,7 @@ replay_result replay_estimator(const record *r, const estimator_policy *p, state
     s->visible = xcalloc(r->padded, 1);
     s->weight = xcalloc(r->padded, sizeof *s->weight);
     s->block = xcalloc(r->padded / BLOCK, sizeof *s->block);
+    s->error = xcalloc(r->padded, sizeof *s->error);
     s->row = record_row_new(r);
     cells_new(&s->cells, r->words);
     for (uint32_t byte = 0; byte < 256; byte++) {
@@ -292,6 +303,7 @@ replay_result replay_estimator(const record *r, const estimator_policy *p, state
     record_row_free(&s->row);
     free(s->block);
     free(s->weight);
+    free(s->error);
     free(s->visible);
     free(s->state);
     free(s->visits);

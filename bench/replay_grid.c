@@ -2,6 +2,7 @@
 /* Algorithm 2 and its variants, 64 lights at a time as vcache/light_set.c walks. */
 #include "replay.h"
 
+#include <float.h>
 #include <string.h>
 
 enum { NEIGHBOURS = 4, ALL_LEVELS = VCACHE_MAX_LEVELS };
@@ -16,7 +17,7 @@ typedef struct replay {
     uint32_t *group;     /* of each light: the next of its light cell, in a ring */
     /* of the eye sample at hand */
     _Alignas(8) char eye[VCACHE_EYE_BYTES];
-    float *squared_distance;
+    float *squared_distance, *excess;
     record_row row;
     uint64_t *near_bits, *open, *answer;
     uint64_t *from[ALL_LEVELS];   /* pairs that start at this level or below */
@@ -42,35 +43,17 @@ vcache_surface replay_jitter(const record *r, uint32_t eye, float ce, float jitt
 
 /* ---------------------------------------------------------------------------------------- sets of lights, as bits */
 
-CLONES static void squared_distances(const vpl_set *l, const float p[3], float *restrict out)
+/* Squared distances, and how much the square that bounds contacts exceeds them. */
+CLONES static void distances(const vpl_set *l, vec3 p, const float *restrict near_squared, float side_squared,
+                             float *restrict squared, float *restrict excess)
 {
     const float *restrict x = l->x, *restrict y = l->y, *restrict z = l->z;
     for (uint32_t i = 0; i < l->padded; i++) {
-        float dx = x[i] - p[0], dy = y[i] - p[1], dz = z[i] - p[2];
-        out[i] = dx * dx + dy * dy + dz * dz;
-    }
-}
-
-CLONES static void bits_above(const float *restrict values, float bound, uint32_t words, uint64_t *restrict bits)
-{
-    for (uint32_t w = 0; w < words; w++) {
-        uint64_t word = 0;
-        for (uint32_t i = 0; i < 64; i++)
-            word |= (uint64_t)(values[64 * w + i] >= bound) << i;
-        bits[w] = word;
-    }
-}
-
-CLONES static void bits_near(const float *restrict squared, const float *restrict light_side, float side,
-                             uint32_t words, uint64_t *restrict bits)
-{
-    for (uint32_t w = 0; w < words; w++) {
-        uint64_t word = 0;
-        for (uint32_t i = 0; i < 64; i++) {
-            float bound = light_side[64 * w + i] > side ? light_side[64 * w + i] : side;
-            word |= (uint64_t)(squared[64 * w + i] < bound) << i;
-        }
-        bits[w] = word;
+        float dx = x[i] - p.x, dy = y[i] - p.y, dz = z[i] - p.z;
+        float d = dx * dx + dy * dy + dz * dz;
+        float bound = near_squared[i] > side_squared ? near_squared[i] : side_squared;
+        squared[i] = d;
+        excess[i] = bound - d;
     }
 }
 
@@ -286,12 +269,11 @@ static void one_eye(replay *s, uint32_t eye)
     vcache_surface at = replay_jitter(r, eye, ce, s->p->jitter);
     vcache_prepare_eye(s->cache, &at, ce, 0, end);
     const uint64_t *seen = r->visible + (size_t)eye * r->words, *asked = r->asked + (size_t)eye * r->words;
-    at = record_surface(r, eye);
-    squared_distances(&r->lights, at.position, s->squared_distance);
     float side = sqrtf(end->side_squared), finest = ldexpf(side, 1 - (int)end->levels);
     float near_side = s->p->distance > 0.0f ? finest : side;
-    bits_near(s->squared_distance, s->near_squared, end->levels ? near_side * near_side : INFINITY, r->words,
-              s->near_bits);
+    distances(&r->lights, r->eyes[eye].surface.position, s->near_squared,
+              end->levels ? near_side * near_side : INFINITY, s->squared_distance, s->excess);
+    bits_above(s->excess, FLT_MIN, r->words, s->near_bits);
     for (uint32_t w = 0; w < r->words; w++) {
         s->result.rays += (uint32_t)__builtin_popcountll(asked[w] & s->near_bits[w]);
         s->answer[w] = asked[w] & s->near_bits[w] & seen[w];
@@ -312,8 +294,7 @@ static void one_eye(replay *s, uint32_t eye)
         }
 }
 
-/* ------------------------------------------------------------------------------------------------------------- set-up
- */
+/* ---- set-up */
 
 static void prepare_lights(replay *s)
 {
@@ -324,7 +305,7 @@ static void prepare_lights(replay *s)
                              .normal = {l->gx[i], l->gy[i], l->gz[i]},
                              .density = l->density[i]};
         vcache_prepare_patch(s->cache, &at, &ends[i]);
-        s->near_squared[i] = ends[i].bad ? INFINITY : ends[i].side_squared;
+        s->near_squared[i] = ends[i].bad ? INFINITY : s->p->eye_contacts ? 0.0f : ends[i].side_squared;
         s->group[i] = i;
         for (uint32_t k = i; k-- > 0;)
             if (ends[k].key.hash == ends[i].key.hash && !ends[i].bad) {
@@ -351,6 +332,7 @@ replay_result replay_grid(const record *r, const grid_policy *p)
     s->near_squared = xcalloc(r->padded, sizeof *s->near_squared);
     s->group = xcalloc(r->padded, sizeof *s->group);
     s->squared_distance = xcalloc(r->padded, sizeof *s->squared_distance);
+    s->excess = xcalloc(r->padded, sizeof *s->excess);
     s->row = record_row_new(r);
     uint64_t **sets[] = {&s->near_bits, &s->open, &s->answer};
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++)
@@ -380,6 +362,7 @@ replay_result replay_grid(const record *r, const grid_policy *p)
         free(*sets[i]);
     record_row_free(&s->row);
     free(s->squared_distance);
+    free(s->excess);
     free(s->group);
     free(s->near_squared);
     free(s->difference);
