@@ -6,8 +6,6 @@
 
 #include "record.h"
 
-enum { NO_TRIANGLE = UINT32_MAX };
-
 /* An Embree scene of its own: all opaque triangles in world space as one mesh. */
 typedef struct occluders occluders;
 /* `reporting`: blockers are taken down by a filter function, which costs some speed. */

@@ -74,7 +74,7 @@ typedef struct cells {
     uint64_t *bits; /* [capacity][2][words] */
 } cells;
 
-enum { NO_CELL = UINT32_MAX };
+#define NO_CELL UINT32_MAX
 void cells_new(cells *c, uint32_t words);
 void cells_free(cells *c);
 uint32_t cells_find(const cells *c, uint64_t key);

@@ -53,15 +53,13 @@ static const float fixed_mean[STATES] = {
     0.950f, 0.950f, 0.050f, 0.500f, 0.050f, 0.950f, 0.050f, 0.500f, 0.500f, 0.950f, 0.050f, 0.500f,
 };
 
-static void set_table(replay *s)
+static void set_entry(replay *s, uint32_t state)
 {
-    for (uint32_t i = 0; i < 1u << 2 * s->levels; i++) {
-        float m = s->p->alone                  ? 0.0f
-                  : s->p->table == TABLE_FIXED ? fixed_mean[i % STATES]
-                                               : (float)(s->seen[i] / s->traced[i]);
-        s->mean[i] = m;
-        s->deviation[i] = s->p->alone ? 1.0f : sqrtf(m * (1.0f - m)) + 0.02f;
-    }
+    float m = s->p->alone                  ? 0.0f
+              : s->p->table == TABLE_FIXED ? fixed_mean[state % STATES]
+                                           : (float)(s->seen[state] / s->traced[state]);
+    s->mean[state] = m;
+    s->deviation[state] = s->p->alone ? 1.0f : sqrtf(m * (1.0f - m)) + 0.02f;
 }
 
 /* Two pairs' worth of what the smallest cell that knows something says. */
@@ -74,8 +72,8 @@ static void begin_table(replay *s)
             m = i >> 2 * c & 3u ? means[i >> 2 * c & 3u] : m;
         s->traced[i] = 2.0;
         s->seen[i] = 2.0 * m;
+        set_entry(s, i);
     }
-    set_table(s);
 }
 
 static void learn(replay *s)
@@ -88,9 +86,9 @@ static void learn(replay *s)
         }
         s->traced[l->state] += 1.0;
         s->seen[l->state] += l->visible;
+        set_entry(s, l->state);
     }
     s->lesson_count = 0;
-    set_table(s);
 }
 
 /* State of each light: two bits a cell, those of the smallest cell lowest. */
