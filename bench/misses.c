@@ -14,7 +14,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { RUNS = 5, RAYS_MAX = 1 << 20, DIGIT = 1 << 10 };
+enum { RUNS = 5, RAYS_MAX = 1 << 19, DIGIT = 1 << 10 };
 
 static const float ray_end = 1.0f - 0x1p-16f; /* as renderers/whitted/visibility.c */
 

@@ -270,7 +270,7 @@ static void one_eye(replay *s, uint32_t eye)
     vcache_prepare_eye(s->cache, &at, ce, 0, end);
     const uint64_t *seen = r->visible + (size_t)eye * r->words, *asked = r->asked + (size_t)eye * r->words;
     float side = sqrtf(end->side_squared), finest = ldexpf(side, 1 - (int)end->levels);
-    float near_side = s->p->distance > 0.0f ? finest : side;
+    float near_side = s->p->distance > 0.0f ? finest : s->p->power > 0.0f && s->p->eye_contacts ? 0.25f * side : side;
     distances(&r->lights, r->eyes[eye].surface.position, s->near_squared,
               end->levels ? near_side * near_side : INFINITY, s->squared_distance, s->excess);
     bits_above(s->excess, FLT_MIN, r->words, s->near_bits);
