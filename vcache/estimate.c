@@ -2,6 +2,7 @@
 /* The rows of a light set as a control variate: what is expected of each light, which lights to trace, what to learn. */
 #include "light_set.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -161,19 +162,21 @@ uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, float random,
         return 0;
     if (rays > (float)(capacity - 2))
         rays = (float)(capacity - 2);
-    float step = p->deviation / rays, next = random * step, at = 0.0f;
+    /* in double: so many teeth one behind the other would drift */
+    double step = (double)p->deviation / (double)rays, next = (double)random * step, at = 0.0;
     uint32_t count = 0;
     for (uint32_t w = 0; w < p->set->words; w++) {
-        float word = p->sums[LANES * w + LANES - 1];
+        double word = (double)p->sums[LANES * w + LANES - 1];
         while (at + word > next && count < capacity) {
             float end, weight;
-            uint32_t light = find_light(p, w, next - at, &end, &weight);
-            /* rounding may find a light again whose weight has just ended */
-            if (weight > 0.0f && !(count > 0 && picks[count - 1].light == light))
-                picks[count++] = (vcache_pick){light, weight < step ? step / weight : 1.0f};
+            uint32_t light = find_light(p, w, (float)(next - at), &end, &weight);
+            double times = (double)weight < step ? step / (double)weight : 1.0;
+            /* rounding may find a light again whose weight has just ended, or one of hardly any weight */
+            if (times <= (double)FLT_MAX && !(count > 0 && picks[count - 1].light == light))
+                picks[count++] = (vcache_pick){light, (float)times};
             next += step;
-            if (at + end > next) /* heavier than a step: taken for sure, and once */
-                next += floorf((at + end - next) / step + 1.0f) * step;
+            if (at + (double)end > next) /* heavier than a step: taken for sure, and once */
+                next += floor((at + (double)end - next) / step + 1.0) * step;
         }
         at += word;
     }

@@ -1,0 +1,321 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Which lights are drawn: each with the probability that its weight says, none twice, whatever the contributions. */
+#include "estimate_support.h"
+
+enum { LIGHTS_MAX = 1000 };
+
+/* Weights as the library has them: contribution times the deviation of what is expected. */
+static double weights_of(const bench *b, const vcache_prediction *p, double *weight)
+{
+    double sum = 0.0;
+    for (uint32_t i = 0; i < b->padded; i++)
+        sum += weight[i] = (double)b->contribution[i] * (double)deviation_of(p->mean[i]);
+    return sum;
+}
+
+/* Some lights known in some cells, so that equal contributions have different weights. */
+static void teach(bench *b, uint64_t *seed)
+{
+    vcache_cells at = predict_at(b, 0.3, 0.4).cells;
+    for (uint32_t i = 0; i < b->count; i++)
+        if (random_bits(seed) & 1)
+            learn_one(b, &at, i, (int)(random_bits(seed) & 1));
+}
+
+/* Draws into memory of exactly `capacity` picks and checks what holds for every draw. */
+static uint32_t draw(const bench *b, float rays, float random, uint32_t capacity, vcache_pick **out)
+{
+    vcache_pick *picks = malloc(capacity * sizeof *picks + (capacity == 0));
+    uint8_t *drawn = calloc(b->padded, 1);
+    assert_true(picks && drawn);
+    uint32_t n = vcache_pick_lights(b->predictor, rays, random, picks, capacity);
+    assert_true(n <= capacity && (double)n <= 1.0 + 1.001 * (double)rays);
+    for (uint32_t k = 0; k < n; k++) {
+        uint32_t i = picks[k].light;
+        if (i >= b->count || drawn[i] || !(b->contribution[i] > 0.0f) ||
+            !(picks[k].weight >= 1.0f && isfinite(picks[k].weight)))
+            fail_msg("%g rays, random %a: pick %u of %u: light %u, weight %g", (double)rays, (double)random, k, n, i,
+                     (double)picks[k].weight);
+        drawn[i] = 1;
+    }
+    free(drawn);
+    *out = picks;
+    return n;
+}
+
+/* A comb falls on an interval of p teeth p times on average; a grid of `offsets` offsets counts it to 1 / offsets.
+ * `slack`: of probabilities, for rounding. */
+static void check_probabilities(const bench *b, const vcache_prediction *p, float rays, uint32_t offsets, double slack)
+{
+    double *weight = malloc(b->padded * sizeof *weight);
+    uint32_t *count = calloc(b->padded, sizeof *count);
+    assert_true(weight && count);
+    double sum = weights_of(b, p, weight), sure = 0.0, total = 0.0;
+    for (uint32_t i = 0; i < b->padded; i++)
+        sure = sum > 0.0 ? fmax(sure, (double)rays * weight[i] / sum) : 1.0;
+    for (uint32_t o = 0; o < offsets; o++) {
+        vcache_pick *picks;
+        uint32_t n = draw(b, rays, ((float)o + 0.5f) / (float)offsets, b->count + 100000, &picks);
+        if (sure < 0.999 && !(fabs((double)n - (double)rays) <= 1.0 + slack * (double)rays))
+            fail_msg("%g rays: %u picks", (double)rays, n);
+        for (uint32_t k = 0; k < n; k++) {
+            double probability = fmin(1.0, (double)rays * weight[picks[k].light] / sum);
+            if (!(fabs((double)picks[k].weight * probability - 1.0) < 1e-4))
+                fail_msg("%g rays, light %u: weight %g, probability %g", (double)rays, picks[k].light,
+                         (double)picks[k].weight, probability);
+            count[picks[k].light]++;
+        }
+        total += n;
+        free(picks);
+    }
+    double expected = 0.0;
+    for (uint32_t i = 0; i < b->padded; i++) {
+        double probability = sum > 0.0 ? fmin(1.0, (double)rays * weight[i] / sum) : 0.0;
+        expected += probability;
+        if (!(fabs((double)count[i] / offsets - probability) <= 1.01 / offsets + slack))
+            fail_msg("%g rays, %u lights, light %u: drawn %u times of %u, probability %g", (double)rays, b->count, i,
+                     count[i], offsets, probability);
+    }
+    assert_true(fabs(total / offsets - expected) <= 1.01 / offsets + slack * (double)rays);
+    free(weight);
+    free(count);
+}
+
+static void probabilities(void **state)
+{
+    (void)state;
+    static const uint32_t lights[] = {1, 2, 16, 63, 65, LIGHTS_MAX};
+    static const float rays[] = {0.01f, 0.5f, 1.0f, 6.0f, 37.5f, 400.0f};
+    uint64_t seed = 1;
+    for (int l = 0; l < 6; l++) {
+        bench b = make_bench(lights[l], 1 << 10, VCACHE_ISA_ALL);
+        teach(&b, &seed);
+        for (int shape = 0; shape < 3; shape++) {
+            for (uint32_t i = 0; i < b.count; i++) /* equal; a few orders of magnitude; many that are not asked */
+                b.contribution[i] = shape == 0               ? 1.0f
+                                    : shape == 1             ? (float)exp(random_between(&seed, -5.0, 5.0))
+                                    : random_bits(&seed) % 8 ? 0.0f
+                                                             : 1.0f;
+            vcache_prediction p = predict_at(&b, 0.3, 0.4);
+            for (int r = 0; r < 6; r++)
+                check_probabilities(&b, &p, rays[r], 500, 1e-4);
+        }
+        free_bench(&b);
+    }
+}
+
+/* One light heavier than many steps of the comb, at each place in a word; the others keep their share. */
+static void a_dominating_light(void **state)
+{
+    (void)state;
+    bench b = make_bench(200, 1 << 10, VCACHE_ISA_ALL);
+    for (uint32_t heavy = 0; heavy < 200; heavy += 13)
+        for (float factor = 1e2f; factor <= 1e4f; factor *= 10.0f) {
+            for (uint32_t i = 0; i < 200; i++)
+                b.contribution[i] = i == heavy ? 200.0f * factor : 1.0f;
+            vcache_prediction p = predict_at(&b, 0.3, 0.4);
+            check_probabilities(&b, &p, 10.0f, 500, 1e-3);
+            vcache_pick *picks;
+            for (uint32_t o = 0; o < 100; o++) {
+                uint32_t n = draw(&b, 50.0f, (float)o / 100.0f, 60, &picks), found = 0;
+                for (uint32_t k = 0; k < n; k++)
+                    found += picks[k].light == heavy && picks[k].weight == 1.0f;
+                assert_int_equal(found, 1);
+                free(picks);
+            }
+        }
+    free_bench(&b);
+}
+
+/* Random numbers at their ends, at any number of rays. */
+static void ends_of_random(void **state)
+{
+    (void)state;
+    static const float ends[] = {0.0f, 0x1p-149f, 0x1p-24f, 1.0f - 0x1p-24f};
+    static const float rays[] = {1e-30f, 0.3f, 1.0f, 2.0f, 7.0f, 50.0f};
+    uint64_t seed = 2;
+    bench b = make_bench(LIGHTS_MAX, 1 << 10, VCACHE_ISA_ALL);
+    for (uint32_t i = 0; i < b.count; i++)
+        b.contribution[i] = i < 120 ? 0.0f : (float)random_between(&seed, 0.5, 1.0);
+    predict_at(&b, 0.3, 0.4);
+    for (int e = 0; e < 4; e++)
+        for (int r = 0; r < 6; r++) {
+            vcache_pick *picks;
+            uint32_t n = draw(&b, rays[r], ends[e], 60, &picks);
+            double whole = floor((double)rays[r]);
+            if ((double)ends[e] < 1e-3 * (double)rays[r]) /* the first tooth is on the first light of the line, which
+                                                             lies in the first word that asks */
+                assert_true(n >= 1 && picks[0].light < 128);
+            assert_true(n >= whole && n <= whole + 1.0);
+            free(picks);
+        }
+    free_bench(&b);
+}
+
+static void limits_of_rays(void **state)
+{
+    (void)state;
+    uint64_t seed = 3;
+    bench b = make_bench(LIGHTS_MAX, 1 << 10, VCACHE_ISA_ALL);
+    vcache_pick *picks;
+    vcache_prediction p = predict_at(&b, 0.3, 0.4);
+    assert_true(p.expected == 0.0f && p.deviation == 0.0f);
+    assert_int_equal(draw(&b, 6.0f, 0.5f, 100, &picks), 0); /* none is asked */
+    free(picks);
+    for (uint32_t i = 0; i < b.count; i++)
+        b.contribution[i] = (float)random_between(&seed, 0.5, 1.0);
+    p = predict_at(&b, 0.3, 0.4);
+    static const float none[] = {0.0f, -1.0f, NAN, -INFINITY};
+    for (int i = 0; i < 4; i++) {
+        vcache_pick one[8];
+        assert_int_equal(vcache_pick_lights(b.predictor, none[i], 0.5f, one, 8), 0);
+    }
+    /* rays are cut to capacity - 2: probabilities are those of so many */
+    for (uint32_t capacity = 0; capacity < 40; capacity++)
+        for (int o = 0; o < 20; o++) {
+            uint32_t n = draw(&b, 1e30f, (float)o / 20.0f, capacity, &picks);
+            assert_true(capacity < 3 ? n == 0 : n + 3 >= capacity && n < capacity);
+            for (uint32_t k = 0; k < n; k++) {
+                double w = (double)b.contribution[picks[k].light] * (double)deviation_of(p.mean[picks[k].light]);
+                double probability = (capacity - 2) * w / (double)p.deviation;
+                assert_true(fabs((double)picks[k].weight * probability - 1.0) < 1e-4);
+            }
+            free(picks);
+        }
+    /* far more than lights: all of them, with weight 1 */
+    for (float rays = 1e4f; rays < 1e33f; rays *= 100.0f) {
+        assert_int_equal(draw(&b, rays, (float)random_unit(&seed), 200000, &picks), LIGHTS_MAX);
+        for (uint32_t k = 0; k < LIGHTS_MAX; k++)
+            assert_true(picks[k].weight == 1.0f);
+        free(picks);
+    }
+    free_bench(&b);
+}
+
+/* The largest sets with as many rays: the comb keeps its step to the end. */
+static void many_rays(void **state)
+{
+    (void)state;
+    uint64_t seed = 4;
+    bench b = make_bench(VCACHE_MAX_SET, 3, VCACHE_ISA_ALL);
+    for (uint32_t i = 0; i < b.count; i++)
+        b.contribution[i] = (float)random_between(&seed, 0.5, 1.0);
+    vcache_prediction p = predict_at(&b, 0.3, 0.4);
+    for (float rays = 64.0f; rays <= 16384.0f; rays *= 16.0f) {
+        double mean = 0.0;
+        for (int o = 0; o < 64; o++) {
+            vcache_pick *picks;
+            uint32_t n = draw(&b, rays, ((float)o + 0.5f) / 64.0f, 20000, &picks);
+            double sum = 0.0; /* of contributions, estimated */
+            for (uint32_t k = 0; k < n; k++)
+                sum += (double)picks[k].weight * (double)b.contribution[picks[k].light] *
+                       (double)deviation_of(p.mean[picks[k].light]);
+            mean += sum / 64.0 / (double)p.deviation;
+            free(picks);
+        }
+        if (!(fabs(mean - 1.0) < 1e-4))
+            fail_msg("%g rays: sum of the weights times %g", (double)rays, mean);
+    }
+    free_bench(&b);
+}
+
+/* Contributions in another unit are drawn alike: by powers of two bit for bit. */
+static void units(void **state)
+{
+    (void)state;
+    uint64_t seed = 5;
+    bench b = make_bench(300, 1 << 10, VCACHE_ISA_ALL);
+    float value[300];
+    for (uint32_t i = 0; i < 300; i++)
+        value[i] = (float)exp(random_between(&seed, -3.0, 3.0));
+    for (int o = 0; o < 50; o++) {
+        vcache_pick *first = NULL;
+        uint32_t first_count = 0;
+        float random = (float)(random_bits(&seed) >> 40) * 0x1p-24f;
+        for (int power = -100; power <= 100; power += 20) {
+            for (uint32_t i = 0; i < 300; i++)
+                b.contribution[i] = ldexpf(value[i], power == -100 ? 0 : power);
+            predict_at(&b, 0.3, 0.4);
+            vcache_pick *picks;
+            uint32_t n = draw(&b, 8.0f, random, 20, &picks);
+            if (!first) {
+                first = picks, first_count = n;
+                continue;
+            }
+            assert_int_equal(n, first_count);
+            assert_memory_equal(picks, first, n * sizeof *picks);
+            free(picks);
+        }
+        free(first);
+    }
+    for (float scale = 1e-30f; scale <= 2e30f; scale *= 1e10f) {
+        for (uint32_t i = 0; i < 300; i++)
+            b.contribution[i] = value[i] * scale;
+        vcache_prediction p = predict_at(&b, 0.3, 0.4);
+        check_probabilities(&b, &p, 8.0f, 200, 1e-4);
+    }
+    free_bench(&b);
+}
+
+/* Denormal numbers, and the tiniest beside the largest: it ends, and nothing is infinite. */
+static void far_apart(void **state)
+{
+    (void)state;
+    uint64_t seed = 6;
+    bench b = make_bench(300, 1 << 10, VCACHE_ISA_ALL);
+    static const float pairs[][2] = {{0x1p-149f, 0x1p-149f}, {1e-44f, 1e-40f}, {1e-30f, 1e30f},
+                                     {0x1p-149f, 1e30f},     {1e-38f, 1e-38f}, {1e-20f, 1.0f}};
+    for (int k = 0; k < 6; k++)
+        for (int turn = 0; turn < 50; turn++) {
+            for (uint32_t i = 0; i < 300; i++)
+                b.contribution[i] = pairs[k][random_bits(&seed) % 16 == 0];
+            vcache_prediction p = predict_at(&b, 0.3, 0.4);
+            assert_true(isfinite(p.expected) && isfinite(p.deviation));
+            for (int o = 0; o < 50; o++) {
+                float rays = (float)exp(random_between(&seed, -2.0, 6.0));
+                vcache_pick *picks;
+                uint32_t n = draw(&b, rays, (float)(random_bits(&seed) >> 40) * 0x1p-24f, 500, &picks);
+                for (uint32_t q = 0; q < n; q++)
+                    assert_true(isfinite(picks[q].weight * b.contribution[picks[q].light]));
+                free(picks);
+            }
+        }
+    free_bench(&b);
+}
+
+/* Where sums of a lane with next to nothing in it grow by rounding alone, a tooth between them finds a light whose
+ * probability is too small for its inverse. */
+static void between_sums(void **state)
+{
+    (void)state;
+    uint64_t seed = 7;
+    int cases = 0;
+    bench b = make_bench(64, 4, VCACHE_ISA_ALL);
+    for (int turn = 0; turn < 1000; turn++) {
+        float sums[LANES] = {0};
+        for (uint32_t i = 0; i < 64; i++)
+            b.contribution[i] = i % LANES == LANES - 1 ? 1e-30f : 1e20f * (float)random_between(&seed, 0.1, 1.0);
+        vcache_prediction p = predict_at(&b, 0.3, 0.4);
+        for (uint32_t i = 0; i < 64; i++)
+            sums[i % LANES] += b.contribution[i] * deviation_of(p.mean[i]);
+        lanes_scan(sums);
+        if (!(sums[LANES - 1] > sums[LANES - 2]))
+            continue;
+        cases++;
+        vcache_pick *picks;
+        draw(&b, 1.0f, sums[LANES - 2] / sums[LANES - 1], 4, &picks);
+        free(picks);
+    }
+    assert_true(cases > 50);
+    free_bench(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(probabilities),  cmocka_unit_test(a_dominating_light), cmocka_unit_test(ends_of_random),
+        cmocka_unit_test(limits_of_rays), cmocka_unit_test(many_rays),          cmocka_unit_test(units),
+        cmocka_unit_test(far_apart),      cmocka_unit_test(between_sums),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
