@@ -29,7 +29,7 @@ typedef struct grid_policy {
 typedef enum offset_rule { OFFSET_STRATIFIED, OFFSET_INDEPENDENT } offset_rule;
 typedef enum state_table { TABLE_LEARNED, TABLE_FIXED } state_table;
 
-enum { MAX_CELLS = 4, MAX_STATES = 1 << 2 * MAX_CELLS, STATES = 64 };
+enum { MAX_CELLS = 4, MAX_STATES = 1 << 2 * MAX_CELLS };
 
 /* The sum over all lights as expectation plus a random sample of its error. */
 typedef struct estimator_policy {

@@ -211,11 +211,17 @@ void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache
 
 float vcache_budget_rays(vcache_budget *b, float error)
 {
-    double x = cbrt((double)error * error);
+    double x = cbrt((double)error * error), rays = b->rays;
     if (!isfinite(x))
         return b->rays;
     b->sum += x;
     b->count += 1.0;
-    double rays = b->rays, share = b->sum > 0.0 ? rays * x * b->count / b->sum : rays;
-    return (float)(share > 4.0 * rays ? 4.0 * rays : share < 0.1 * rays ? 0.1 * rays : share);
+    if (!(b->scale > 0.0))
+        b->scale = 1.0;
+    double share = b->sum > 0.0 ? b->scale * rays * x * b->count / b->sum : rays;
+    share = share > 4.0 * rays ? 4.0 * rays : share < 0.1 * rays ? 0.1 * rays : share;
+    /* what the limits take or give is made up for, slowly: a thousand eye samples */
+    b->scale *= 1.0 + 0.001 * (1.0 - share / rays);
+    b->scale = b->scale > 16.0 ? 16.0 : b->scale < 1.0 / 16.0 ? 1.0 / 16.0 : b->scale;
+    return (float)share;
 }

@@ -354,9 +354,10 @@ VCACHE_API void vcache_learn(vcache_light_set *set, const vcache_cells *cells, c
  * grows with (deviation x weight in the pixel)^(2/3). Zero-initialised but for `rays`, one for each thread. */
 typedef struct vcache_budget {
     float rays; /* mean number of rays per eye sample */
-    double sum, count;
+    double sum, count, scale;
 } vcache_budget;
-/* `error` = deviation x weight of the eye sample. Between rays / 10 and 4 rays. */
+/* `error` = deviation x weight of the eye sample. Between rays / 10 and 4 rays, and `rays` on average. (A light that outweighs
+ * all others together should not be among them: it would be drawn always, and its weight says nothing of the error.) */
 VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error);
 
 /* ----------------------------------------------------------------------------------------------------- statistics */

@@ -50,8 +50,9 @@ static vcache_status all_new(const view *v, const vpl_set *vpls, uint64_t bytes,
     const float nowhere[3] = {NAN, NAN, NAN};
     for (uint32_t i = vpls->count; i < vpls->padded; i++)
         vcache_prepare_point(out->table, nowhere, 0, vcache_light_at(ends, i));
-    prepare_punctual(v->scene, out->table, vcache_light_at(ends, vpls->padded));
-    uint32_t count = vpls->padded + v->scene->light_count;
+    uint32_t count = vpls->padded + estimator_punctual(v);
+    if (count > vpls->padded)
+        prepare_punctual(v->scene, out->table, vcache_light_at(ends, vpls->padded));
     vcache_status status =
         count ? vcache_light_set_create(out->table, ends, count, bytes, &out->all_set, text) : VCACHE_OK;
     free(ends);

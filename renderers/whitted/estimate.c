@@ -19,6 +19,7 @@ struct estimator {
     vcache_light_set *set;
     vcache_predictor *predictor;
     vcache_budget budget;
+    uint32_t punctual_count;
     uint32_t lights; /* padded virtual point lights, then punctual ones */
     float *geometry, *contribution;
     light_sample *punctual;
@@ -35,10 +36,15 @@ struct estimator {
     uint32_t *start; /* of each light in it */
 };
 
+uint32_t estimator_punctual(const view *v)
+{
+    return (float)v->scene->light_count > 0.5f * v->settings.rays ? v->scene->light_count : 0;
+}
+
 /* A ray drawn alone costs two to four of a coherent packet, the rest of a prediction some ten. */
 bool estimator_pays(const view *v, const vpl_set *vpls)
 {
-    return (float)(vpls->count + v->scene->light_count) > 4.0f * v->settings.rays + 16.0f;
+    return (float)(vpls->count + estimator_punctual(v)) > 4.0f * v->settings.rays + 16.0f;
 }
 
 estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *set)
@@ -54,8 +60,9 @@ estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *s
     o->budget.rays = v->settings.rays;
     o->geometry = floats_new(vpls->padded);
     o->contribution = floats_new(padded);
-    o->punctual = xcalloc(v->scene->light_count + 1, sizeof *o->punctual);
-    o->lights = vpls->padded + v->scene->light_count;
+    o->punctual_count = estimator_punctual(v);
+    o->punctual = xcalloc(o->punctual_count + 1, sizeof *o->punctual);
+    o->lights = vpls->padded + o->punctual_count;
     o->start = xcalloc(o->lights + 1, sizeof *o->start);
     /* a budget gives up to four times its mean, a comb one more */
     o->capacity = (uint32_t)fminf(4.0f * v->settings.rays, (float)o->lights) + 4;
@@ -91,10 +98,11 @@ ray_counts estimator_counts(const estimator *o)
     return o->counts;
 }
 
-/* Luminance that the eye sample's own colour leaves of the light that arrives. */
+/* Luminance that the eye sample's own colour leaves of the light that arrives; a coat has no colour. */
 static float tint_of(const eye_sample *e)
 {
-    return luminance(v3_mul(e->weight, e->surface.color)) / PI_F;
+    bool diffuse = e->surface.material->kind == MATERIAL_DIFFUSE;
+    return luminance(diffuse ? v3_mul(e->weight, e->surface.color) : e->weight) / PI_F;
 }
 
 /* Contributions of all lights to one eye sample, up to its tint; counts those above 0. */
@@ -107,7 +115,7 @@ static uint32_t contributions(estimator *o, const eye_sample *e, float tint)
             if (o->geometry[i] > 0.0f)
                 o->contribution[i] =
                     o->geometry[i] * luminance(v3_mul(e->weight, shade_response(o->vpls, e, i))) / tint;
-    for (uint32_t i = 0; i < s->light_count; i++) {
+    for (uint32_t i = 0; i < o->punctual_count; i++) {
         o->punctual[i] = direct_punctual(e, &s->lights[i]);
         float value = luminance(o->punctual[i].value) / tint;
         o->contribution[o->vpls->padded + i] = value;
@@ -146,7 +154,7 @@ static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32
     if (!pixels->cell[e->pixel])
         pixels->cell[e->pixel] = p.cells.key[0];
     rgb sum = v3_mul(e->weight, shade_expected(o->vpls, e, o->geometry, p.mean));
-    for (uint32_t i = 0; i < o->view->scene->light_count; i++)
+    for (uint32_t i = 0; i < o->punctual_count; i++)
         sum = v3_mad(sum, p.mean[o->vpls->padded + i], o->punctual[i].value);
     pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], sum);
 

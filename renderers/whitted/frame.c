@@ -157,7 +157,7 @@ static void prepare_station(job *j, station *s)
     if (j->mode == VISIBILITY_ESTIMATE)
         s->estimator = estimator_new(j->v, j->vpls, c->all_set);
     s->lights = s->estimator ? &vpls_none : j->vpls; /* what is left to the chunk is exact then */
-    chunk_new(&s->chunk, j->v, s->lights, s->estimator ? 0 : j->v->scene->light_count);
+    chunk_new(&s->chunk, j->v, s->lights, s->estimator && estimator_punctual(j->v) ? 0 : j->v->scene->light_count);
     s->visibility = visibility_new(j->v, s->lights, j->mode == VISIBILITY_CACHE ? c : NULL);
     s->ready = true;
 }

@@ -220,6 +220,8 @@ ray_counts visibility_counts(const visibility *o);
 
 /* One thread's means of estimating the light of all virtual and punctual lights without bias. */
 typedef struct estimator estimator;
+/* Punctual lights that it takes care of: all or none. A few bring so much each that they are better traced always. */
+uint32_t estimator_punctual(const view *v);
 /* Whether few rays can stand for so many lights; else they are better traced. */
 bool estimator_pays(const view *v, const vpl_set *vpls);
 estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *set);
