@@ -75,10 +75,12 @@ ray_counts estimator_counts(const estimator *o)
     return o->counts;
 }
 
-/* Luminance that the eye sample's own colour leaves of the light that arrives. */
+/* The unit of contributions: luminance that the eye sample leaves of the light that arrives. Of gloss, that of the path
+ * alone: black gloss shines too. */
 static float tint_of(const eye_sample *e)
 {
-    return luminance(v3_mul(e->weight, e->surface.color)) / PI_F;
+    bool diffuse = e->surface.material->kind == MATERIAL_DIFFUSE;
+    return luminance(diffuse ? v3_mul(e->weight, e->surface.color) : e->weight) / PI_F;
 }
 
 /* Contributions of all lights to one eye sample, up to its tint; counts those above 0. */
