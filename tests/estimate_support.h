@@ -25,12 +25,9 @@ static inline vcache_predictor *make_predictor(vcache_light_set *set)
     return p;
 }
 
-static inline bench make_bench(uint32_t lights, uint64_t rows, uint32_t isa)
+static inline bench make_bench_of(const vcache_config *config, uint32_t lights, uint64_t rows)
 {
-    vcache_config config = vcache_default_config();
-    config.levels = 1;
-    config.isa = isa;
-    bench b = {.cache = make_cache(&config), .count = lights};
+    bench b = {.cache = make_cache(config), .count = lights};
     vcache_light *ends = malloc(lights * sizeof *ends);
     assert_non_null(ends);
     for (uint32_t i = 0; i < lights; i++)
@@ -42,6 +39,14 @@ static inline bench make_bench(uint32_t lights, uint64_t rows, uint32_t isa)
     b.contribution = calloc(b.padded, sizeof *b.contribution);
     assert_non_null(b.contribution);
     return b;
+}
+
+static inline bench make_bench(uint32_t lights, uint64_t rows, uint32_t isa)
+{
+    vcache_config config = vcache_default_config();
+    config.levels = 1;
+    config.isa = isa;
+    return make_bench_of(&config, lights, rows);
 }
 
 static inline void free_bench(bench *b)

@@ -98,7 +98,8 @@ ray_counts estimator_counts(const estimator *o)
     return o->counts;
 }
 
-/* Luminance that the eye sample's own colour leaves of the light that arrives; a coat has no colour. */
+/* The unit of contributions: luminance that the eye sample leaves of the light that arrives. Of gloss, that of the path
+ * alone: black gloss shines too. */
 static float tint_of(const eye_sample *e)
 {
     bool diffuse = e->surface.material->kind == MATERIAL_DIFFUSE;
