@@ -13,8 +13,8 @@ struct occluders {
     uint32_t blocker[TRACER_PACKET];
 };
 
-/* Every hit is accepted, which ends the ray. Rays and hits of N lanes lie as one array of N a member; Embree's accessors
- * are for C++ alone. */
+/* Every hit is accepted, which ends the ray. Rays and hits of N lanes lie as one array of N a member; Embree's
+ * accessors are for C++ alone. */
 static void take_down(const struct RTCFilterFunctionNArguments *a)
 {
     enum { RAY_ID = 10, HIT_PRIMITIVE = 5 };

@@ -44,8 +44,8 @@ typedef struct replay {
 } replay;
 
 /* Mean visibility of traced pairs by state, smallest cell in the lowest two bits (1: seen visible, 2: seen blocked), as
- * --states prints it: kitchen, conference and living-room together, so that other scenes are foreign to it. States of few
- * traced pairs lean on all pairs that were in them. */
+ * --states prints it: kitchen, conference and living-room together, so that other scenes are foreign to it. States of
+ * few traced pairs lean on all pairs that were in them. */
 /* clang-format off */
 static const float fixed_mean[STATES] = {
     0.6821f, 0.9797f, 0.0472f, 0.5854f, 0.9583f, 0.9848f, 0.4114f, 0.7938f,

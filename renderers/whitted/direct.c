@@ -78,7 +78,8 @@ void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uin
     rgb albedo = v3_scale(v3_mul(e->weight, s->color), 1.0f / PI_F);
     for (uint32_t i = 0; i < v->scene->light_count; i++) {
         out[i] = punctual(e, &v->scene->lights[i], diffuse, albedo);
-        asked[i / 64] |= (uint64_t)(v3_max_component(out[i].value) > 0.0f) << i % 64;
+        if (asked)
+            asked[i / 64] |= (uint64_t)(v3_max_component(out[i].value) > 0.0f) << i % 64;
     }
 }
 

@@ -109,15 +109,16 @@ static float tint_of(const eye_sample *e)
 /* Contributions of all lights to one eye sample, up to its tint; counts those above 0. */
 static uint32_t contributions(estimator *o, const eye_sample *e, float tint)
 {
-    const scene *s = o->view->scene;
     uint32_t asked = shade_contributions(o->vpls, e, o->vpls->luminance, o->geometry, o->contribution);
     if (e->surface.material->kind != MATERIAL_DIFFUSE)
         for (uint32_t i = 0; i < o->vpls->count; i++)
             if (o->geometry[i] > 0.0f)
                 o->contribution[i] =
                     o->geometry[i] * luminance(v3_mul(e->weight, shade_response(o->vpls, e, i))) / tint;
+    if (o->punctual_count == 0)
+        return asked;
+    direct_punctuals(o->view, e, o->punctual, NULL);
     for (uint32_t i = 0; i < o->punctual_count; i++) {
-        o->punctual[i] = direct_punctual(e, &s->lights[i]);
         float value = luminance(o->punctual[i].value) / tint;
         o->contribution[o->vpls->padded + i] = value;
         asked += value > 0.0f;

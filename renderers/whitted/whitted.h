@@ -173,7 +173,7 @@ rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 /* direct.c */
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
-/* The same of all punctual lights, with their asked bits. */
+/* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. */
 void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked);
 /* Fall-off of a spot light between its cones, as KHR_lights_punctual recommends: the square of a linear ramp of the
  * cosine. `direction` is the way the light travels. */
