@@ -118,12 +118,4 @@ static inline void same_floats(const char *what, const char *isa, uint32_t words
                      (double)expected[i]);
 }
 
-/* FNV-1a over bytes. */
-static inline uint64_t checksum(uint64_t sum, const void *data, size_t bytes)
-{
-    for (size_t i = 0; i < bytes; i++)
-        sum = (sum ^ ((const unsigned char *)data)[i]) * 0x100000001b3u;
-    return sum;
-}
-
 #endif

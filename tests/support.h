@@ -122,4 +122,12 @@ static inline double chi_square_sigmas(const uint32_t *counts, size_t bins, size
     return (chi - freedom) / sqrt(2.0 * freedom);
 }
 
+/* FNV-1a over bytes. */
+static inline uint64_t checksum(uint64_t sum, const void *data, size_t bytes)
+{
+    for (size_t i = 0; i < bytes; i++)
+        sum = (sum ^ ((const unsigned char *)data)[i]) * 0x100000001b3u;
+    return sum;
+}
+
 #endif

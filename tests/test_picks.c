@@ -310,12 +310,49 @@ static void between_sums(void **state)
     free_bench(&b);
 }
 
+/* Predictions and picks are the same with every compiler, machine and instruction set. */
+static void picks_are_the_same_everywhere(void **state)
+{
+    (void)state;
+    static const uint32_t isas[] = {VCACHE_ISA_SCALAR, VCACHE_ISA_AVX2, VCACHE_ISA_ALL};
+    for (int run = 0; run < 3; run++) {
+        uint64_t seed = 8, sum = 0xcbf29ce484222325u;
+        bench b = make_bench(LIGHTS_MAX, 1 << 10, isas[run]);
+        for (int turn = 0; turn < 200; turn++) {
+            for (uint32_t i = 0; i < b.count; i++)
+                b.contribution[i] = (float)random_between(&seed, 0.0, 1.0);
+            double x = random_unit(&seed), y = random_unit(&seed);
+            vcache_prediction p = predict_at(&b, x, y);
+            vcache_pick *picks;
+            vcache_answer answers[60];
+            uint32_t n = draw(&b, 20.0f, (float)random_unit(&seed), 60, &picks);
+            for (uint32_t k = 0; k < n; k++)
+                answers[k] = random_bits(&seed) & 1;
+            vcache_learn(b.set, &p.cells, picks, answers, n);
+            sum = checksum(sum, &p.cells, sizeof p.cells);
+            sum = checksum(sum, &p.expected, sizeof p.expected);
+            sum = checksum(sum, &p.deviation, sizeof p.deviation);
+            sum = checksum(sum, picks, n * sizeof *picks);
+            free(picks);
+        }
+        print_message("checksum of picks: 0x%016llx\n", (unsigned long long)sum);
+        assert_true(sum == 0x57d8ddc12736fb53u);
+        free_bench(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(probabilities),  cmocka_unit_test(a_dominating_light), cmocka_unit_test(ends_of_random),
-        cmocka_unit_test(limits_of_rays), cmocka_unit_test(many_rays),          cmocka_unit_test(units),
-        cmocka_unit_test(far_apart),      cmocka_unit_test(between_sums),
+        cmocka_unit_test(probabilities),
+        cmocka_unit_test(a_dominating_light),
+        cmocka_unit_test(ends_of_random),
+        cmocka_unit_test(limits_of_rays),
+        cmocka_unit_test(many_rays),
+        cmocka_unit_test(units),
+        cmocka_unit_test(far_apart),
+        cmocka_unit_test(between_sums),
+        cmocka_unit_test(picks_are_the_same_everywhere),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
