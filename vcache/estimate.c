@@ -220,8 +220,9 @@ float vcache_budget_rays(vcache_budget *b, float error)
         b->scale = 1.0;
     double share = b->sum > 0.0 ? b->scale * rays * x * b->count / b->sum : rays;
     share = share > 4.0 * rays ? 4.0 * rays : share < 0.1 * rays ? 0.1 * rays : share;
-    /* what the limits take or give is made up for, slowly: a thousand eye samples */
-    b->scale *= 1.0 + 0.001 * (1.0 - share / rays);
+    /* What the limits take or give is made up for over all eye samples so far (Robbins and Monro 1951): faster, and each
+     * part of the image would get the same mean. */
+    b->scale *= 1.0 + (1.0 - share / rays) / (b->count + 1000.0);
     b->scale = b->scale > 16.0 ? 16.0 : b->scale < 1.0 / 16.0 ? 1.0 / 16.0 : b->scale;
     return (float)share;
 }
