@@ -88,7 +88,7 @@ def all_cases(a):
     for s in BUILTIN:
         cases += [Case(f"builtin/{s}/{size}-{spp}spp/{m}", s, size, spp, ["--visibility", m], 9)
                   for size, spp in (("320x180", 16), ("640x360", 1)) for m in ("cache", "estimate")]
-    cases += [Case(f"large/{s}", s, "160x90", 4, mode, 5, ["--env-samples", "256"])
+    cases += [Case(f"large/{s}", s, "320x180", 4, mode, 5, ["--env-lights", "256"])
               for s in ("san-miguel", "hair-straight")]
     cases += [Case(f"lights/{n}", "conference", "160x90", 16, mode, 3, vpls=n) for n in (64, 256, 1024, 4096, 16384)]
     cases += [Case(f"pixels/{size}", "conference", size, 1, mode, 3)

@@ -46,6 +46,7 @@ static void add_scene(cJSON *j, const comparison *c)
     number(j, "punctual_lights", m->punctual);
     number(j, "samples", m->samples);
     number(j, "env_samples", f->env_samples);
+    number(j, "env_lights", f->env_lights);
     number(j, "light_samples", f->light_samples);
     number(j, "eye_samples", (double)m->eye_samples);
     number(j, "threads", f->threads);

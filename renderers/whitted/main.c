@@ -52,7 +52,9 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "env", .kind = OPTION_STRING, .value = &a->env, .metavar = "FILE",
          .help = "environment map (.hdr, .exr) in place of the scene's"},
         {.name = "env-samples", .kind = OPTION_INT, .value = &s->env_samples, .min = 0, .max = 4096,
-         .shown = "8 / sqrt(spp)", .help = "environment samples per eye path"},
+         .shown = "8 / sqrt(spp)", .help = "environment samples per path"},
+        {.name = "env-lights", .kind = OPTION_INT, .value = &s->env_lights, .min = 0, .max = 4096,
+         .help = "the environment as N directional lights"},
         {.name = "light-samples", .kind = OPTION_INT, .value = &s->light_samples, .min = 0, .max = 4096,
          .shown = "8 / sqrt(spp)", .help = "samples of emissive surfaces per eye path"},
         {.name = "camera", .kind = OPTION_INT, .value = &a->camera, .min = 0, .max = 65535, .metavar = "I",
@@ -85,7 +87,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, .help = "one cache for all threads"},
         {.name = "store", .kind = OPTION_CHOICE, .value = &a->store, .choices = store_names,
          .help = "answers as rows of light bits or as 32-bit words"},
-        {.name = "hash", .kind = OPTION_CHOICE, .value = &a->hash, .choices = hash_names, .help = "hash family"},
+        {.name = "hash", .kind = OPTION_CHOICE, .value = &a->hash, .choices = hash_names, .metavar = "H",
+         .help = "hash family: split, lcg-pair or lcg-xorshift"},
         {.name = "compare", .kind = OPTION_FLAG, .value = &a->compare,
          .help = "render exactly as well and print times and errors"},
         {.name = "runs", .kind = OPTION_INT, .value = &a->runs, .min = 1, .max = RUNS_MAX, .shown = "1",
@@ -121,7 +124,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     if (s->rays < 0.0f) /* about the same error with any number of paths */
         s->rays = fmaxf(0.1f, 96.0f / (float)s->spp);
     int samples = (int)ceilf(8.0f / sqrtf((float)s->spp));
-    s->env_samples = s->env_samples < 0 ? samples : s->env_samples;
+    s->env_samples = s->env_samples >= 0 ? s->env_samples : s->env_lights > 0 ? 0 : samples;
     s->light_samples = s->light_samples < 0 ? samples : s->light_samples;
     c->hash = (vcache_hash)a->hash; /* in the order of hash_names */
     c->table_bytes = (uint64_t)a->cache_mb << 20;
@@ -170,6 +173,8 @@ static bool check_usage(const arguments *a, message *err)
         return fail(err, "--picture needs --compare");
     if (a->runs && !a->compare)
         return fail(err, "--runs needs --compare");
+    if (a->settings.env_lights > 0 && a->settings.env_samples > 0)
+        return fail(err, "--env-lights stand for the environment: --env-samples must be 0");
     if ((a->half || a->tiles) && !exr)
         return fail(err, "%s needs an .exr file to write", a->half ? "--half" : "--tiles");
     const float *l = a->look;
@@ -226,6 +231,9 @@ static bool load_scene(const arguments *a, scene **out, message *err)
         if (!environment_load(a->env, &s->environment, err))
             return false;
     }
+    if (a->settings.env_lights > 0 && !s->environment)
+        return fail(err, "--env-lights: the scene has no environment; --env gives it one");
+    direct_environment_lights(s, a->settings.env_lights);
     return scene_finish(s, err);
 }
 

@@ -231,7 +231,8 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
                        virtual->refine + (size_t)e * virtual->words);
         }
 
-        direct_punctuals(v, s, c->punctual + (size_t)e * punctual->lights,
+        if (punctual->lights > 0)
+            direct_punctuals(v, s, c->punctual + (size_t)e * punctual->lights,
                          punctual->asked + (size_t)e * punctual->words);
     }
     direct_samples(v, c);

@@ -155,7 +155,8 @@ static void powers(job *j)
     const scene *s = j->v->scene;
     float disc = PI_F * j->radius * j->radius;
     j->power_emitters = emitters_power(j->v->emitters);
-    j->power_environment = s->environment ? 4.0f * PI_F * disc * luminance(environment_mean(s->environment)) : 0.0f;
+    /* its lights emit in its place */
+    j->power_environment = s->environment && !j->v->settings.env_lights ? 4.0f * PI_F * disc * luminance(environment_mean(s->environment)) : 0.0f;
     j->power_total = j->power_emitters + j->power_environment;
     j->power_lights = xcalloc(s->light_count + 1, sizeof *j->power_lights);
     for (uint32_t i = 0; i < s->light_count; i++) {
