@@ -82,8 +82,9 @@ static void measure(const view *v, const vpl_set *l, bool by_eyes, bool coherent
             ns[run] = pairs ? 1e9 * seconds / (double)pairs : 0.0;
     }
     qsort(ns, RUNS, sizeof *ns, by_size);
-    printf("%-32s %-10s %6.1f ns per pair (%.1f ... %.1f)\n", by_eyes ? "16 eye samples, one light" : "one eye sample, 16 lights",
-           coherent ? "coherent" : "incoherent", ns[RUNS / 2], ns[0], ns[RUNS - 1]);
+    printf("%-32s %-10s %6.1f ns per pair (%.1f ... %.1f)\n",
+           by_eyes ? "16 eye samples, one light" : "one eye sample, 16 lights", coherent ? "coherent" : "incoherent",
+           ns[RUNS / 2], ns[0], ns[RUNS - 1]);
 }
 
 int main(int argc, char *argv[])
@@ -104,8 +105,8 @@ int main(int argc, char *argv[])
     tracer_thread_init();
     emitters *e = emitters_new(s);
     view v = {.scene = s, .tracer = t, .emitters = e, .camera = s->cameras[0]};
-    v.settings = (settings){.width = spp > 1 ? 320 : 640, .height = spp > 1 ? 192 : 384, .spp = spp, .vpls = LIGHTS,
-                            .threads = 1};
+    v.settings = (settings){
+        .width = spp > 1 ? 320 : 640, .height = spp > 1 ? 192 : 384, .spp = spp, .vpls = LIGHTS, .threads = 1};
     vpl_set l = vpls_new(&v);
     if (l.count == LIGHTS)
         for (int i = 0; i < 4; i++)

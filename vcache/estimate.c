@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rows of a light set as a control variate: what is expected of each light, which lights to trace, what to learn. */
+/* The rows of a light set as a control variate: what is expected of each light, which lights to trace, what to learn.
+ */
 #include "light_set.h"
 
 #include <float.h>
@@ -155,7 +156,8 @@ static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, f
     return found;
 }
 
-/* A comb of teeth `step` apart falls on the line of all weights: a tooth is on light i with probability weight / step. */
+/* A comb of teeth `step` apart falls on the line of all weights: a tooth is on light i with probability weight / step.
+ */
 uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, float random, vcache_pick *picks, uint32_t capacity)
 {
     if (!(p->deviation > 0.0f) || !(rays > 0.0f) || capacity < 3)
@@ -220,8 +222,8 @@ float vcache_budget_rays(vcache_budget *b, float error)
         b->scale = 1.0;
     double share = b->sum > 0.0 ? b->scale * rays * x * b->count / b->sum : rays;
     share = share > 4.0 * rays ? 4.0 * rays : share < 0.1 * rays ? 0.1 * rays : share;
-    /* What the limits take or give is made up for over all eye samples so far (Robbins and Monro 1951): faster, and each
-     * part of the image would get the same mean. */
+    /* What the limits take or give is made up for over all eye samples so far (Robbins and Monro 1951): faster, and
+     * each part of the image would get the same mean. */
     b->scale *= 1.0 + (1.0 - share / rays) / (b->count + 1000.0);
     b->scale = b->scale > 16.0 ? 16.0 : b->scale < 1.0 / 16.0 ? 1.0 / 16.0 : b->scale;
     return (float)share;

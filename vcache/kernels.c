@@ -17,7 +17,7 @@ static void near_scalar(const light_places *p, const float eye[3], float eye_sid
             float distance = dx * dx + dy * dy + dz * dz;
             /* negative: a direction, never near */
             float least = side > eye_side_squared || side < 0.0f ? side : eye_side_squared;
-            word |= (uint64_t)!(distance >= least) << i;
+            word |= (uint64_t) !(distance >= least) << i;
         }
         bits[w] = word;
     }
@@ -46,7 +46,8 @@ static float predict_scalar(const predict_input *in, const predict_output *out)
         for (uint32_t i = 0; i < 64; i++) {
             uint32_t at = 64 * w + i, state = 0;
             for (int c = VCACHE_CELLS - 1; c >= 0; c--)
-                state = state << 2 | (uint32_t)(in->visible[c][w] >> i & 1u) << 1 | (uint32_t)(in->known[c][w] >> i & 1u);
+                state =
+                    state << 2 | (uint32_t)(in->visible[c][w] >> i & 1u) << 1 | (uint32_t)(in->known[c][w] >> i & 1u);
             float mean = in->table[state];
             out->mean[at] = mean;
             expected[i % LANES] += in->contribution[at] * mean;

@@ -26,9 +26,10 @@ AVX512 static void near_avx512(const light_places *p, const float eye[3], float 
             __m512 dy = _mm512_sub_ps(_mm512_loadu_ps(p->y + at), ey);
             __m512 dz = _mm512_sub_ps(_mm512_loadu_ps(p->z + at), ez);
             __m512 side = _mm512_loadu_ps(p->side_squared + at);
-            __m512 d = _mm512_add_ps(_mm512_add_ps(_mm512_mul_ps(dx, dx), _mm512_mul_ps(dy, dy)), _mm512_mul_ps(dz, dz));
-            __mmask16 theirs = (__mmask16)(_mm512_cmp_ps_mask(side, own, _CMP_GT_OQ) |
-                                           _mm512_cmp_ps_mask(side, zero, _CMP_LT_OQ));
+            __m512 d =
+                _mm512_add_ps(_mm512_add_ps(_mm512_mul_ps(dx, dx), _mm512_mul_ps(dy, dy)), _mm512_mul_ps(dz, dz));
+            __mmask16 theirs =
+                (__mmask16)(_mm512_cmp_ps_mask(side, own, _CMP_GT_OQ) | _mm512_cmp_ps_mask(side, zero, _CMP_LT_OQ));
             __m512 least = _mm512_mask_blend_ps(theirs, own, side);
             word |= (uint64_t)_mm512_cmp_ps_mask(d, least, _CMP_NGE_UQ) << i;
         }
@@ -45,7 +46,8 @@ AVX512 static void decide_avx512(uint32_t words, uint32_t cells, const uint64_t 
         __m512i have = _mm512_maskz_loadu_epi64(m, known[0] + w), mine = _mm512_maskz_loadu_epi64(m, seen[0] + w);
         __m512i asked = _mm512_maskz_loadu_epi64(m, rest + w), other = _mm512_setzero_si512();
         for (uint32_t k = 1; k < cells; k++) {
-            __m512i there = _mm512_maskz_loadu_epi64(m, known[k] + w), theirs = _mm512_maskz_loadu_epi64(m, seen[k] + w);
+            __m512i there = _mm512_maskz_loadu_epi64(m, known[k] + w),
+                    theirs = _mm512_maskz_loadu_epi64(m, seen[k] + w);
             other = _mm512_or_si512(other, _mm512_and_si512(there, _mm512_xor_si512(theirs, mine)));
         }
         _mm512_mask_storeu_epi64(missing + w, m, _mm512_andnot_si512(have, asked));
@@ -130,7 +132,8 @@ AVX2 static void near_avx2(const light_places *p, const float eye[3], float eye_
             __m256 dy = _mm256_sub_ps(_mm256_loadu_ps(p->y + at), ey);
             __m256 dz = _mm256_sub_ps(_mm256_loadu_ps(p->z + at), ez);
             __m256 side = _mm256_loadu_ps(p->side_squared + at);
-            __m256 d = _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(dx, dx), _mm256_mul_ps(dy, dy)), _mm256_mul_ps(dz, dz));
+            __m256 d =
+                _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(dx, dx), _mm256_mul_ps(dy, dy)), _mm256_mul_ps(dz, dz));
             __m256 theirs = _mm256_or_ps(_mm256_cmp_ps(side, own, _CMP_GT_OQ), _mm256_cmp_ps(side, zero, _CMP_LT_OQ));
             __m256 least = _mm256_blendv_ps(own, side, theirs);
             word |= (uint64_t)(uint32_t)_mm256_movemask_ps(_mm256_cmp_ps(d, least, _CMP_NGE_UQ)) << i;

@@ -298,8 +298,8 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *
  *     sum f_i V_i  =  sum f_i m_i  +  sum f_i (V_i - m_i)
  *
- * where the second sum is estimated by few lights, light i being drawn with probability p_i ~ f_i times the deviation of
- * V_i from m_i. vcache_predict says what is expected, vcache_pick draws, the host traces and adds f (V - m) / p for
+ * where the second sum is estimated by few lights, light i being drawn with probability p_i ~ f_i times the deviation
+ * of V_i from m_i. vcache_predict says what is expected, vcache_pick draws, the host traces and adds f (V - m) / p for
  * each, and vcache_learn writes down what was found. m and p are fixed before the rays are drawn, so the expected value
  * is exact whatever the cache holds, also while other threads write to it; the cache only makes the error small.
  *
@@ -334,15 +334,15 @@ VCACHE_API void vcache_predictor_destroy(vcache_predictor **predictor);
 VCACHE_API uint32_t vcache_light_set_padded(const vcache_light_set *set);
 
 /* `contribution` has vcache_light_set_padded floats, each finite and >= 0 (0: not asked, never drawn; so the padding),
- * in any unit that is the same for all lights (luminance, say), and must stay as it is until the lights are picked. `ce` is C_E of the finest cell, `salt` as in
- * vcache_prepare_eye. */
+ * in any unit that is the same for all lights (luminance, say), and must stay as it is until the lights are picked.
+ * `ce` is C_E of the finest cell, `salt` as in vcache_prepare_eye. */
 VCACHE_API vcache_prediction vcache_predict(vcache_predictor *predictor, const vcache_surface *eye, float ce,
                                             uint64_t salt, const float *contribution);
 
-/* Draws lights for the last prediction by one systematic sample: `rays` of them on average, at most rays + 1, fewer where
- * fewer contribute; light i with probability p_i = min(1, rays f_i d_i / deviation). `random` in [0, 1) must be uniform
- * and independent of visibility; values spread evenly over the eye samples of a pixel lower the error of their sum.
- * `rays` is cut to capacity - 2. Returns the number of picks. */
+/* Draws lights for the last prediction by one systematic sample: `rays` of them on average, at most rays + 1, fewer
+ * where fewer contribute; light i with probability p_i = min(1, rays f_i d_i / deviation). `random` in [0, 1) must be
+ * uniform and independent of visibility; values spread evenly over the eye samples of a pixel lower the error of their
+ * sum. `rays` is cut to capacity - 2. Returns the number of picks. */
 VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float rays, float random, vcache_pick *picks,
                                        uint32_t capacity);
 
@@ -356,8 +356,9 @@ typedef struct vcache_budget {
     float rays; /* mean number of rays per eye sample */
     double sum, count, scale;
 } vcache_budget;
-/* `error` = deviation x weight of the eye sample. Between rays / 10 and 4 rays, and `rays` on average. (A light that outweighs
- * all others together should not be among them: it would be drawn always, and its weight says nothing of the error.) */
+/* `error` = deviation x weight of the eye sample. Between rays / 10 and 4 rays, and `rays` on average. (A light that
+ * outweighs all others together should not be among them: it would be drawn always, and its weight says nothing of the
+ * error.) */
 VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error);
 
 /* ----------------------------------------------------------------------------------------------------- statistics */

@@ -24,7 +24,7 @@ typedef struct pair {
     uint8_t level; /* of the cell that it waits for; NO_LEVEL: a bypass, not to be stored */
     bool vertices;
     bool coarse; /* not to be refined */
-    bool alone; /* the cell's answers cannot be shared: trace without waiting for another pair's */
+    bool alone;  /* the cell's answers cannot be shared: trace without waiting for another pair's */
 } pair;
 
 /* A pair of cells: its key, and where its word lies. */

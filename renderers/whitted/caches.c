@@ -90,8 +90,8 @@ bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err)
         uint64_t rest = budget - (sampled ? part * 2 : 0) - (punctual ? part : 0);
         status = set_new(out->table, f->words, out->virtual_ends, vpls->count, rest, &out->virtual_set, text);
         if (status == VCACHE_OK && punctual)
-            status = set_new(out->table, f->words, out->punctual_ends, v->scene->light_count, part,
-                             &out->punctual_set, text);
+            status = set_new(out->table, f->words, out->punctual_ends, v->scene->light_count, part, &out->punctual_set,
+                             text);
     }
     if (status != VCACHE_OK)
         return fail(err, "visibility cache: %s", text);
@@ -109,4 +109,3 @@ void caches_free(caches *c)
     free(c->punctual_ends);
     memset(c, 0, sizeof *c);
 }
-

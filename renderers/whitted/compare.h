@@ -20,8 +20,8 @@ typedef struct comparison {
     int runs; /* complete pairs of frames, each with its times; 0: there is nothing to compare */
     times exact[RUNS_MAX], mode[RUNS_MAX];
     frame exact_frame, mode_frame; /* the last complete pair; without one what was begun, else empty */
-    image_error lit, whole; /* over shadow-tested radiance, and with what is seen directly */
-    double mispredicted;    /* share of the asked; < 0: unknown */
+    image_error lit, whole;        /* over shadow-tested radiance, and with what is seen directly */
+    double mispredicted;           /* share of the asked; < 0: unknown */
 } comparison;
 
 /* Names of the values of settings, NULL-terminated. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The light of all virtual and punctual lights by few rays: what the cache expects of each light is summed, a few lights
- * are drawn where that is most uncertain, and their rays correct the sum. No bias, whatever the cache holds.
+ * The light of all virtual and punctual lights by few rays: what the cache expects of each light is summed, a few
+ * lights are drawn where that is most uncertain, and their rays correct the sum. No bias, whatever the cache holds.
  */
 #include "whitted.h"
 
@@ -130,9 +130,10 @@ static rgb light_value(const estimator *o, const eye_sample *e, uint32_t i)
 {
     if (i >= o->vpls->padded)
         return o->punctual[i - o->vpls->padded].value;
-    rgb response = e->surface.material->kind == MATERIAL_DIFFUSE
-                       ? v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]))
-                       : shade_response(o->vpls, e, i);
+    rgb response =
+        e->surface.material->kind == MATERIAL_DIFFUSE
+            ? v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]))
+            : shade_response(o->vpls, e, i);
     return v3_scale(v3_mul(e->weight, response), o->geometry[i]);
 }
 
@@ -147,10 +148,10 @@ static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32
     pixels->asked[e->pixel] += asked;
     if (!asked)
         return 0;
-    vcache_surface end = {.position = {e->surface.position.x, e->surface.position.y, e->surface.position.z},
-                          .normal = {e->surface.geometric_normal.x, e->surface.geometric_normal.y,
-                                     e->surface.geometric_normal.z},
-                          .density = e->density};
+    vcache_surface end = {
+        .position = {e->surface.position.x, e->surface.position.y, e->surface.position.z},
+        .normal = {e->surface.geometric_normal.x, e->surface.geometric_normal.y, e->surface.geometric_normal.z},
+        .density = e->density};
     vcache_prediction p = vcache_predict(o->predictor, &end, o->view->settings.ce, 0, o->contribution);
     o->cells[slot] = p.cells;
     if (!pixels->cell[e->pixel])

@@ -170,7 +170,7 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
             float length = v3_length(direction);
             send(&p, v3_scale(direction, 1.0f / length),
                  (primary){.pixel = y * TILE + x,
-                            .stratum = fraction(shift_stratum + (float)(first + i) / (float)f->spp),
+                           .stratum = fraction(shift_stratum + (float)(first + i) / (float)f->spp),
                            .random = index * (uint64_t)f->spp + (uint64_t)(first + i),
                            .spread = pixel / (length * sqrtf(length)),
                            .first = first + i == 0});

@@ -17,7 +17,7 @@ typedef struct station {
     chunk chunk;
     visibility *visibility;
     estimator *estimator; /* NULL: visibility decides all */
-    caches caches; /* unless shared */
+    caches caches;        /* unless shared */
     tile_pixels pixels;
     uint32_t *order; /* of eye samples */
     size_t order_capacity;
@@ -35,7 +35,7 @@ typedef struct job {
     station *stations;
     tile *tiles;
     size_t tile_count, stretch; /* tiles a task */
-    int passes; /* of a tile */
+    int passes;                 /* of a tile */
     uint32_t rank[TILE * TILE]; /* of a pixel in Halton order */
     truth *record;
     const truth *check;
@@ -121,8 +121,8 @@ static void check_truth(station *s, size_t first, const uint64_t *rows)
         for (int g = 0; g < LIGHT_GROUPS; g++)
             for (uint32_t w = 0; w < c->bits[g].words; w++) {
                 size_t at = (size_t)e * c->bits[g].words + w;
-                s->mispredicted += (uint32_t)__builtin_popcountll((*row++ ^ c->bits[g].visible[at]) &
-                                                                  c->bits[g].asked[at]);
+                s->mispredicted +=
+                    (uint32_t)__builtin_popcountll((*row++ ^ c->bits[g].visible[at]) & c->bits[g].asked[at]);
             }
     }
 }
@@ -207,8 +207,8 @@ static void render_tile(void *context, int thread, size_t index)
     progress_add(j->progress, (uint64_t)t.width * t.height);
 }
 
-/* Tasks are squares of tiles: cells on the border of two threads' tiles are traced by both. Enough tasks must be left to
- * keep all threads busy to the end. */
+/* Tasks are squares of tiles: cells on the border of two threads' tiles are traced by both. Enough tasks must be left
+ * to keep all threads busy to the end. */
 static size_t stretch_of(size_t tiles, int threads)
 {
     size_t stretch = 1;

@@ -37,8 +37,7 @@ void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual)
     uint32_t samples = direct_sample_count(v);
     bits_new(&c->bits[LIGHTS_VIRTUAL], vpls->count);
     if (v->settings.refine_above > 0.0f)
-        c->bits[LIGHTS_VIRTUAL].refine =
-            xcalloc((size_t)CHUNK * c->bits[LIGHTS_VIRTUAL].words + 1, sizeof(uint64_t));
+        c->bits[LIGHTS_VIRTUAL].refine = xcalloc((size_t)CHUNK * c->bits[LIGHTS_VIRTUAL].words + 1, sizeof(uint64_t));
     bits_new(&c->bits[LIGHTS_PUNCTUAL], punctual);
     bits_new(&c->bits[LIGHTS_SAMPLED], samples);
     c->geometry = floats_new((size_t)CHUNK * vpls->padded);
@@ -96,15 +95,13 @@ static inline __attribute__((always_inline)) uint32_t contributions(const vpl_se
 }
 
 CLONES static uint32_t contributions_flat(const vpl_set *l, const eye_sample *e, const float *restrict power,
-                                          float *restrict geometry,
-                                          float *restrict out)
+                                          float *restrict geometry, float *restrict out)
 {
     return contributions(l, e, true, power, geometry, out);
 }
 
 CLONES static uint32_t contributions_smooth(const vpl_set *l, const eye_sample *e, const float *restrict power,
-                                            float *restrict geometry,
-                                            float *restrict out)
+                                            float *restrict geometry, float *restrict out)
 {
     return contributions(l, e, false, power, geometry, out);
 }
@@ -233,7 +230,7 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
 
         if (punctual->lights > 0)
             direct_punctuals(v, s, c->punctual + (size_t)e * punctual->lights,
-                         punctual->asked + (size_t)e * punctual->words);
+                             punctual->asked + (size_t)e * punctual->words);
     }
     direct_samples(v, c);
 }

@@ -15,10 +15,10 @@ struct visibility {
     vcache_light *sampled; /* [CHUNK][samples], in the order in which they ask */
     uint16_t *order;       /* [CHUNK][samples]: which they are */
     pair_bits ordered;     /* their bits */
-    char *eyes; /* [CHUNK][3] */
+    char *eyes;            /* [CHUNK][3] */
     chunk *chunk;
     tile_pixels *pixels;
-    uint64_t asked, traced; /* of the cache, in this pass */
+    uint64_t asked, traced;   /* of the cache, in this pass */
     uint32_t aside, patience; /* passes to go that are exact; how many the next time */
 };
 
@@ -298,7 +298,9 @@ visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *use
     uint32_t samples = direct_sample_count(v), words = (samples + 63) / 64;
     o->sampled = xmalloc(((size_t)CHUNK * samples + 1) * vcache_light_size());
     o->order = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *o->order);
-    o->ordered = (pair_bits){.lights = samples, .words = words, .asked = xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t)),
+    o->ordered = (pair_bits){.lights = samples,
+                             .words = words,
+                             .asked = xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t)),
                              .visible = xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t))};
     if (vcache_worker_create(used->table, NULL, &o->worker, NULL) != VCACHE_OK)
         o->worker = xmalloc(SIZE_MAX);

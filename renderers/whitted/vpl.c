@@ -3,9 +3,9 @@
  * Virtual point lights (Keller 1997), resampled by what they bring to the camera (Segovia et al. 2006).
  *
  * Light paths leave vertices ("candidates") on diffuse surfaces. A candidate j is kept with probability
- * pi_j = min(1, lambda w_j), where w_j is its contribution to a few eye samples, visibility included, plus a small share
- * so that none is ruled out; lambda makes the sum of pi the number wanted. Kept ones weigh 1 / pi_j, so the sum over the
- * kept has the expected value of the sum over all.
+ * pi_j = min(1, lambda w_j), where w_j is its contribution to a few eye samples, visibility included, plus a small
+ * share so that none is ruled out; lambda makes the sum of pi the number wanted. Kept ones weigh 1 / pi_j, so the sum
+ * over the kept has the expected value of the sum over all.
  */
 #include "whitted.h"
 
@@ -16,11 +16,11 @@
 #include <string.h>
 
 enum {
-    PILOTS = 32,       /* eye samples that candidates are weighed at */
-    QUICK_PILOTS = 4,  /* a candidate that none of these sees gets the smallest weight: most lie behind walls */
-    BLOCK = 64,        /* light paths a task */
+    PILOTS = 32,      /* eye samples that candidates are weighed at */
+    QUICK_PILOTS = 4, /* a candidate that none of these sees gets the smallest weight: most lie behind walls */
+    BLOCK = 64,       /* light paths a task */
     DEPTH_MAX = 12,
-    NEIGHBOURS = 8     /* for the density */
+    NEIGHBOURS = 8 /* for the density */
 };
 
 /* Squared distances are clamped to (0.05 B_R)^2 in the geometric term: without it a virtual point light next to an eye
@@ -156,7 +156,9 @@ static void powers(job *j)
     float disc = PI_F * j->radius * j->radius;
     j->power_emitters = emitters_power(j->v->emitters);
     /* its lights emit in its place */
-    j->power_environment = s->environment && !j->v->settings.env_lights ? 4.0f * PI_F * disc * luminance(environment_mean(s->environment)) : 0.0f;
+    j->power_environment = s->environment && !j->v->settings.env_lights
+                               ? 4.0f * PI_F * disc * luminance(environment_mean(s->environment))
+                               : 0.0f;
     j->power_total = j->power_emitters + j->power_environment;
     j->power_lights = xcalloc(s->light_count + 1, sizeof *j->power_lights);
     for (uint32_t i = 0; i < s->light_count; i++) {
@@ -226,7 +228,9 @@ static void light_path(const job *j, uint64_t index, candidates *out)
             return;
         rgb albedo = material_diffuse_albedo(&s);
         if (v3_max_component(albedo) > 0.0f) {
-            candidate c = {.position = surface_offset(&s, s.geometric_normal), .normal = s.normal, .geometric = s.geometric_normal,
+            candidate c = {.position = surface_offset(&s, s.geometric_normal),
+                           .normal = s.normal,
+                           .geometric = s.geometric_normal,
                            .power = v3_scale(v3_mul(flux, albedo), 1.0f / PI_F)};
             c.weight = weigh(j, &c);
             push(out, c);
@@ -397,8 +401,8 @@ static void sort_by_place(candidates *c, vec3 low, vec3 size)
     for (size_t i = 0; i < c->count; i++) {
         vec3 p = v3_scale(v3_sub(c->items[i].position, low), scale);
         uint64_t cell[3] = {(uint64_t)fmaxf(p.x, 0.0f), (uint64_t)fmaxf(p.y, 0.0f), (uint64_t)fmaxf(p.z, 0.0f)};
-        c->items[i].code = spread3(cell[0] & 0x1fffff) | spread3(cell[1] & 0x1fffff) << 1 |
-                           spread3(cell[2] & 0x1fffff) << 2;
+        c->items[i].code =
+            spread3(cell[0] & 0x1fffff) | spread3(cell[1] & 0x1fffff) << 1 | spread3(cell[2] & 0x1fffff) << 2;
     }
     qsort(c->items, c->count, sizeof *c->items, by_code);
 }
@@ -407,7 +411,8 @@ static vpl_set pack(const candidates *c, uint64_t paths, float clamp)
 {
     vpl_set l = {.count = (uint32_t)c->count, .clamp = clamp};
     l.padded = (l.count + 63) / 64 * 64;
-    float **arrays[] = {&l.x, &l.y, &l.z, &l.nx, &l.ny, &l.nz, &l.gx, &l.gy, &l.gz, &l.r, &l.g, &l.b, &l.luminance, &l.density};
+    float **arrays[] = {&l.x,  &l.y,  &l.z, &l.nx, &l.ny, &l.nz,        &l.gx,
+                        &l.gy, &l.gz, &l.r, &l.g,  &l.b,  &l.luminance, &l.density};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
         *arrays[i] = floats_new(l.padded);
     for (uint32_t i = 0; i < l.count; i++) {
@@ -454,7 +459,8 @@ const vpl_set vpls_none = {0};
 
 void vpls_free(vpl_set *l)
 {
-    float *arrays[] = {l->x, l->y, l->z, l->nx, l->ny, l->nz, l->gx, l->gy, l->gz, l->r, l->g, l->b, l->luminance, l->density};
+    float *arrays[] = {l->x,  l->y,  l->z, l->nx, l->ny, l->nz,        l->gx,
+                       l->gy, l->gz, l->r, l->g,  l->b,  l->luminance, l->density};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
         free(arrays[i]);
     memset(l, 0, sizeof *l);

@@ -39,15 +39,16 @@ typedef struct settings {
     int spp;
     int vpls;
     int env_samples, light_samples; /* per eye sample; with one more drawn by the material */
-    int env_lights; /* the environment is also this many of the scene's directional lights (direct_environment_lights) */
+    int env_lights; /* the environment is also this many of the scene's directional lights (direct_environment_lights)
+                     */
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
-    float rays;       /* mean per eye sample for VISIBILITY_ESTIMATE */
-    float ce;         /* C_E of virtual point lights; of the finest cells of VISIBILITY_ESTIMATE */
-    float refine_above; /* virtual point lights below this times the eye sample's mean contribution are not refined */
-    float ce_delta;   /* of point, spot and directional lights; 0: these are traced */
-    float ce_samples; /* of area and environment samples; 0: these are traced */
+    float rays;          /* mean per eye sample for VISIBILITY_ESTIMATE */
+    float ce;            /* C_E of virtual point lights; of the finest cells of VISIBILITY_ESTIMATE */
+    float refine_above;  /* virtual point lights below this times the eye sample's mean contribution are not refined */
+    float ce_delta;      /* of point, spot and directional lights; 0: these are traced */
+    float ce_samples;    /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
     bool words;          /* all answers in the table of 32-bit words instead of rows of light bits */
     bool shared;         /* one cache for all threads instead of one each */
@@ -87,11 +88,11 @@ extern const vpl_set vpls_none;
 /* Last vertex of an eye path: a non-specular surface point that is to be lit. */
 typedef struct eye_sample {
     surface surface;
-    vec3 origin;   /* of shadow rays: off the surface */
-    rgb weight;    /* of radiance towards wo in the pixel */
-    float density; /* eye samples per unit area */
-    uint32_t pixel; /* in the tile */
-    float stratum;  /* uniform in [0, 1), spread evenly over the paths of a pixel */
+    vec3 origin;     /* of shadow rays: off the surface */
+    rgb weight;      /* of radiance towards wo in the pixel */
+    float density;   /* eye samples per unit area */
+    uint32_t pixel;  /* in the tile */
+    float stratum;   /* uniform in [0, 1), spread evenly over the paths of a pixel */
     uint64_t random; /* index of its random numbers */
 } eye_sample;
 
@@ -120,7 +121,8 @@ typedef struct eye_samples {
  * come. */
 void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, tile_pixels *pixels);
 
-/* --------------------------------------------------------------------------------------------- light pairs (shade.c) */
+/* --------------------------------------------------------------------------------------------- light pairs (shade.c)
+ */
 
 /* A light sample of one eye sample (direct.c). */
 typedef struct light_sample {
@@ -149,7 +151,7 @@ typedef struct chunk {
     float *sampled_density; /* of the samples, per unit area or steradian */
     vec3 *sampled_normal;
     bool reflects[CHUNK]; /* false: black, asks for nothing */
-    rgb material[CHUNK]; /* what the material's own sample found: a traced path, no shadow ray */
+    rgb material[CHUNK];  /* what the material's own sample found: a traced path, no shadow ray */
 } chunk;
 
 /* Zeroed floats that begin a cache line, for free(). */
@@ -200,10 +202,11 @@ typedef struct visibility visibility;
 
 /* The caches of one thread, or of all. */
 typedef struct caches {
-    vcache *table;                         /* light samples; with settings.words all lights */
+    vcache *table; /* light samples; with settings.words all lights */
     vcache_light *virtual_ends, *punctual_ends;
     vcache_light_set *virtual_set, *punctual_set; /* NULL where the table serves */
-    vcache_light_set *all_set; /* for VISIBILITY_ESTIMATE: virtual point lights, padded, then punctual ones; NULL: none */
+    vcache_light_set
+        *all_set; /* for VISIBILITY_ESTIMATE: virtual point lights, padded, then punctual ones; NULL: none */
     uint64_t bytes;
 } caches;
 
