@@ -184,6 +184,29 @@ static void images_converge(void **state)
     stage_free(&g);
 }
 
+/* A frame of many samples a cell, with rows for all of them against one row, which forgets: what is learnt pays. */
+static void learning_helps(void **state)
+{
+    (void)state;
+    double error[2], rays[2];
+    for (int rows = 0; rows < 2; rows++) {
+        stage g = room(MATERIAL_DIFFUSE, 0.6f, 1.0f, &lightings[2]);
+        g.v.settings.width = g.v.settings.height = 128, g.v.settings.spp = 4;
+        g.v.settings.cache.table_bytes = rows ? 1 << 24 : 128;
+        frame exact = render(&g, VISIBILITY_EXACT, 3.0f), few = render(&g, VISIBILITY_ESTIMATE, 3.0f);
+        double off = 0.0;
+        for (size_t i = 0; i < 128 * 128; i++)
+            off += fabs((double)few.lit.pixels[i].y - (double)exact.lit.pixels[i].y);
+        error[rows] = off * 3.0 / energy(&exact), rays[rows] = (double)few.rays.traced;
+        frame_free(&exact);
+        frame_free(&few);
+        stage_free(&g);
+    }
+    print_message("error with one row %.2f %%, with all %.2f %% of %.2f times the rays\n", 100.0 * error[0],
+                  100.0 * error[1], rays[1] / rays[0]);
+    assert_true(error[1] < 0.8 * error[0] && rays[1] < 1.1 * rays[0]);
+}
+
 /* Threads that share a cache write to it in any order. Two runs must agree that the mean is off. */
 static void threads(void **state)
 {
@@ -212,8 +235,8 @@ static void threads(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lights),          cmocka_unit_test(materials), cmocka_unit_test(black_gloss_shines),
-        cmocka_unit_test(images_converge), cmocka_unit_test(threads),
+        cmocka_unit_test(lights),          cmocka_unit_test(materials),      cmocka_unit_test(black_gloss_shines),
+        cmocka_unit_test(images_converge), cmocka_unit_test(learning_helps), cmocka_unit_test(threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

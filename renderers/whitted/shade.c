@@ -42,8 +42,9 @@ void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual)
     bits_new(&c->bits[LIGHTS_SAMPLED], samples);
     c->geometry = floats_new((size_t)CHUNK * vpls->padded);
     c->contribution = floats_new(vpls->padded);
-    c->punctual = xmalloc(((size_t)CHUNK * punctual + 1) * sizeof *c->punctual);
-    c->sampled = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled);
+    /* zeroed: lanes of packets are aimed for eye samples that reflect nothing and so have no samples */
+    c->punctual = xcalloc((size_t)CHUNK * punctual + 1, sizeof *c->punctual);
+    c->sampled = xcalloc((size_t)CHUNK * samples + 1, sizeof *c->sampled);
     c->sampled_density = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled_density);
     c->sampled_normal = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled_normal);
 }
