@@ -133,6 +133,30 @@ static void materials(void **state)
     }
 }
 
+/* Samples of one pixel in several passes: what the first ones draw teaches the others, whose draws must not follow from
+ * it. */
+static void samples_of_one_pixel(void **state)
+{
+    (void)state;
+    stage g = room(MATERIAL_DIFFUSE, 0.6f, 1.0f, &lightings[0]);
+    g.v.settings.width = g.v.settings.height = 1, g.v.camera.yfov = 0.02f;
+    for (int spp = 128; spp <= 256; spp *= 2) {
+        tally difference = {0};
+        g.v.settings.spp = spp;
+        for (uint64_t seed = 1; seed <= 1500; seed++) {
+            g.v.settings.seed = seed;
+            frame exact = render(&g, VISIBILITY_EXACT, 0.5f), few = render(&g, VISIBILITY_ESTIMATE, 0.5f);
+            tally_add(&difference, energy(&few) - energy(&exact));
+            frame_free(&exact);
+            frame_free(&few);
+        }
+        double sigmas = tally_mean(&difference) / tally_error(&difference);
+        print_message("one pixel of %d samples: %+.2f standard errors\n", spp, sigmas);
+        assert_true(fabs(sigmas) <= 3.0);
+    }
+    stage_free(&g);
+}
+
 /* Pixel by pixel: what black gloss reflects is there. */
 static void black_gloss_shines(void **state)
 {
@@ -235,8 +259,13 @@ static void threads(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lights),          cmocka_unit_test(materials),      cmocka_unit_test(black_gloss_shines),
-        cmocka_unit_test(images_converge), cmocka_unit_test(learning_helps), cmocka_unit_test(threads),
+        cmocka_unit_test(lights),
+        cmocka_unit_test(materials),
+        cmocka_unit_test(black_gloss_shines),
+        cmocka_unit_test(images_converge),
+        cmocka_unit_test(samples_of_one_pixel),
+        cmocka_unit_test(learning_helps),
+        cmocka_unit_test(threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,11 +4,6 @@
 
 #include <string.h>
 
-static void vec3_store(float out[3], vec3 v)
-{
-    out[0] = v.x, out[1] = v.y, out[2] = v.z;
-}
-
 /* With room for the punctual lights behind them. */
 static vcache_light *virtual_ends(const view *v, const vpl_set *vpls, const vcache *cache)
 {

@@ -5,6 +5,8 @@
  */
 #include "whitted.h"
 
+#include "../common/rng.h"
+
 #include <string.h>
 
 /* A ray on its way, and what either answer adds to the pixel. */
@@ -27,6 +29,7 @@ struct estimator {
     ray_counts counts;
     uint32_t capacity; /* picks of one eye sample, at most */
     /* of one chunk; picks [CHUNK * capacity] */
+    uint64_t turn; /* random */
     vcache_cells cells[CHUNK];
     uint32_t first[CHUNK + 1]; /* pick of each eye sample */
     vcache_pick *picks;
@@ -137,6 +140,15 @@ static rgb light_value(const estimator *o, const eye_sample *e, uint32_t i)
     return v3_scale(v3_mul(e->weight, response), o->geometry[i]);
 }
 
+/* Where the comb of picks begins. Evenly spread over the samples of a pixel in one chunk; from chunk to chunk turned at
+ * random, for what earlier samples of the pixel drew has been learnt, and draws must be independent of that. */
+static float offset(const estimator *o, const eye_sample *e)
+{
+    rng r = rng_make(o->turn, e->pixel);
+    float sum = e->stratum + rng_float(&r);
+    return sum < 1.0f ? sum : sum - 1.0f;
+}
+
 /* What is expected goes to the pixel; what is drawn becomes a correction. Returns the number of picks. */
 static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32_t at, tile_pixels *pixels)
 {
@@ -162,7 +174,7 @@ static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32
     pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], sum);
 
     float rays = vcache_budget_rays(&o->budget, p.deviation * tint);
-    uint32_t n = vcache_pick_lights(o->predictor, rays, e->stratum, o->picks + at, o->capacity);
+    uint32_t n = vcache_pick_lights(o->predictor, rays, offset(o, e), o->picks + at, o->capacity);
     for (uint32_t k = 0; k < n; k++) {
         uint32_t i = o->picks[at + k].light;
         rgb value = v3_scale(light_value(o, e, i), o->picks[at + k].weight);
@@ -226,6 +238,7 @@ static void trace(estimator *o, const eye_sample *const *eyes, uint32_t count, t
 
 void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels)
 {
+    o->turn = count ? o->view->settings.seed ^ eyes[0]->random : 0;
     for (uint32_t e = 0; e < count; e++)
         o->first[e + 1] = o->first[e] + predict(o, eyes[e], e, o->first[e], pixels);
     trace(o, eyes, o->first[count], pixels);

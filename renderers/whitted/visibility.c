@@ -120,11 +120,6 @@ static void resolve_exact(visibility *o, chunk *c, tile_pixels *pixels)
 
 /* ------------------------------------------------------------------------------------------------------ cached */
 
-static void vec3_store(float out[3], vec3 v)
-{
-    out[0] = v.x, out[1] = v.y, out[2] = v.z;
-}
-
 /* Rays of misses, as they come: they are in order of eye samples and then of lights, so a packet mostly leaves from one
  * point. */
 static bool trace_misses(void *context, const vcache_miss *misses, size_t count, vcache_answer *answers)

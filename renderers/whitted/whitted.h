@@ -92,7 +92,6 @@ typedef struct eye_sample {
     rgb weight;      /* of radiance towards wo in the pixel */
     float density;   /* eye samples per unit area */
     uint32_t pixel;  /* in the tile */
-    float stratum;   /* uniform in [0, 1), spread evenly over the paths of a pixel */
     uint64_t random; /* index of its random numbers */
 } eye_sample;
 
@@ -153,6 +152,11 @@ typedef struct chunk {
     bool reflects[CHUNK]; /* false: black, asks for nothing */
     rgb material[CHUNK];  /* what the material's own sample found: a traced path, no shadow ray */
 } chunk;
+
+static inline void vec3_store(float out[3], vec3 v)
+{
+    out[0] = v.x, out[1] = v.y, out[2] = v.z;
+}
 
 /* Zeroed floats that begin a cache line, for free(). */
 float *floats_new(size_t count);
@@ -223,7 +227,7 @@ bool visibility_steps_aside(visibility *o);
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
 
-/* -------------------------------------------------------------------------------------------- estimate (estimate.c) */
+/* -------------------------------------------------------------------------------------------- estimate (estimator.c) */
 
 /* One thread's means of estimating the light of all virtual and punctual lights without bias. */
 typedef struct estimator estimator;
@@ -255,6 +259,7 @@ typedef struct frame {
     ray_counts rays;
     uint64_t cache_bytes, mispredicted, eye_samples;
     uint32_t vpls, punctual, samples;
+    visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
     bool complete; /* false where it was interrupted */
 } frame;
 
