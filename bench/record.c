@@ -91,7 +91,7 @@ static void ask(record *r)
     for (uint32_t i = 0; i < r->count; i++) {
         uint64_t *asked = r->asked + (size_t)i * r->words;
         record_contributions(r, i, &row);
-        bits_above(row.luminance, FLT_MIN, r->words, asked);
+        shade_bits_above(row.luminance, 0.0f, r->words, asked);
         for (uint32_t w = 0; w < r->words; w++)
             r->pairs += (uint32_t)__builtin_popcountll(asked[w]);
     }
@@ -220,26 +220,6 @@ void record_contributions(const record *r, uint32_t eye, record_row *row)
             row->r[i] = c.x, row->g[i] = c.y, row->b[i] = c.z;
             row->luminance[i] = luminance(c);
         }
-}
-
-CLONES static void bytes_above(const float *restrict values, float bound, uint8_t *restrict out)
-{
-    for (uint32_t i = 0; i < 64; i++)
-        out[i] = values[i] >= bound;
-}
-
-void bits_above(const float *values, float bound, uint32_t words, uint64_t *bits)
-{
-    for (uint32_t w = 0; w < words; w++) {
-        uint8_t bytes[64];
-        bytes_above(values + (size_t)64 * w, bound, bytes);
-        bits[w] = 0;
-        for (uint32_t i = 0; i < 8; i++) { /* byte k of eight to bit k */
-            uint64_t eight;
-            memcpy(&eight, bytes + 8 * i, sizeof eight);
-            bits[w] |= (eight * 0x0102040810204080u >> 56) << 8 * i;
-        }
-    }
 }
 
 /* ---- the order */

@@ -58,9 +58,6 @@ void record_contributions(const record *r, uint32_t eye, record_row *row);
 /* Of one light. */
 rgb record_contribution(const record *r, uint32_t eye, uint32_t light);
 
-/* Bit i: values[i] >= bound. */
-void bits_above(const float *values, float bound, uint32_t words, uint64_t *bits);
-
 /* A cache with the scene's bounds; exits where `config` is wrong, for it is the program's own. */
 vcache *record_cache(const record *r, vcache_config config);
 vcache_surface record_surface(const record *r, uint32_t eye);

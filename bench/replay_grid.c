@@ -78,9 +78,9 @@ static void levels_by_contribution(replay *s, uint32_t eye, uint32_t levels)
     const float *f = s->row.luminance;
     for (uint32_t d = 0; d < levels; d++) {
         if (p->power > 0.0f) /* level 2 has C_E */
-            bits_above(f, d ? mean * exp2f(((float)d - 2.5f) / p->power) : 0.0f, r->words, s->from[d]);
+            shade_bits_above(f, d ? mean * exp2f(((float)d - 2.5f) / p->power) : 0.0f, r->words, s->from[d]);
         else if (d == 1 && p->finer_above > 0.0f)
-            bits_above(f, mean * p->finer_above, r->words, s->from[d]);
+            shade_bits_above(f, mean * p->finer_above, r->words, s->from[d]);
         else
             fill(s->from[d], r->words, d == 0);
     }
@@ -92,7 +92,7 @@ static void levels_by_contribution(replay *s, uint32_t eye, uint32_t levels)
             else
                 fill(s->deeper[d], r->words, false);
         } else {
-            bits_above(f, mean * p->refine_above, r->words, s->deeper[d]);
+            shade_bits_above(f, mean * p->refine_above, r->words, s->deeper[d]);
         }
 }
 
@@ -103,7 +103,7 @@ static void levels_by_distance(replay *s, uint32_t levels, float side)
     fill(s->from[0], words, true);
     for (uint32_t d = 1; d < levels; d++, side *= 0.5f) {
         float bound = side / s->p->distance;
-        bits_above(s->squared_distance, bound * bound, words, s->from[d]);
+        shade_bits_above(s->squared_distance, bound * bound, words, s->from[d]);
         for (uint32_t w = 0; w < words; w++)
             s->from[d][w] = ~s->from[d][w];
     }
@@ -273,7 +273,7 @@ static void one_eye(replay *s, uint32_t eye)
     float near_side = s->p->distance > 0.0f ? finest : s->p->power > 0.0f && s->p->eye_contacts ? 0.25f * side : side;
     distances(&r->lights, r->eyes[eye].surface.position, s->near_squared,
               end->levels ? near_side * near_side : INFINITY, s->squared_distance, s->excess);
-    bits_above(s->excess, FLT_MIN, r->words, s->near_bits);
+    shade_bits_above(s->excess, 0.0f, r->words, s->near_bits);
     for (uint32_t w = 0; w < r->words; w++) {
         s->result.rays += (uint32_t)__builtin_popcountll(asked[w] & s->near_bits[w]);
         s->answer[w] = asked[w] & s->near_bits[w] & seen[w];

@@ -114,7 +114,7 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
     if (eye_cells(set->cache, eye, ce, salt, out.cells.key))
         for (int i = 0; i < VCACHE_CELLS; i++) {
             out.cells.key[i] = row_key(epoch_key, out.cells.key[i]);
-            row_prefetch(set, out.cells.key[i]);
+            row_prefetch(set, out.cells.key[i], 0, set->words);
         }
     for (size_t i = 0; i < VCACHE_CELLS; i++) {
         uint64_t *row = p->rows + 2 * i * set->words;
@@ -211,11 +211,25 @@ void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache
     }
 }
 
+/* x > 0. Without libm, whose last bits differ between machines: the exponent by a third, then Newton's method. */
+static double cube_root(double x)
+{
+    uint64_t bits;
+    double y;
+    memcpy(&bits, &x, sizeof bits);
+    bits = bits / 3 + 0x2a9f789300000000u;
+    memcpy(&y, &bits, sizeof y);
+    for (int i = 0; i < 4; i++)
+        y -= (y * y * y - x) / (3.0 * y * y);
+    return y;
+}
+
 float vcache_budget_rays(vcache_budget *b, float error)
 {
-    double x = cbrt((double)error * error), rays = b->rays;
-    if (!isfinite(x))
+    double square = (double)error * error, rays = b->rays;
+    if (!isfinite(square) || !(rays > 0.0))
         return b->rays;
+    double x = square > 0.0 ? cube_root(square) : 0.0;
     b->sum += x;
     b->count += 1.0;
     if (!(b->scale > 0.0))

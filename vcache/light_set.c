@@ -153,7 +153,7 @@ static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *
         int cells = d + 1 < eye->levels ? 5 : 1;
         for (int k = 0; k < cells; k++) {
             keys[k] = row_key(epoch_key, half[k]);
-            row_prefetch(set, keys[k]);
+            row_prefetch(set, keys[k], first, count);
         }
         for (int k = 0; k < cells; k++)
             row_read(set, keys[k], first, count, known[k], seen[k]);

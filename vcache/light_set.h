@@ -46,14 +46,19 @@ static inline _Atomic uint64_t *row_of(const vcache_light_set *s, uint64_t key)
     return s->memory + ((key >> 32) * s->rows >> 32) * s->stride;
 }
 
-static inline void row_prefetch(const vcache_light_set *s, uint64_t key)
+/* The row's head, and `count` words of known and visible bits from word `first` on. */
+static inline void row_prefetch(const vcache_light_set *s, uint64_t key, uint32_t first, uint32_t count)
 {
 #if defined(__GNUC__)
-    const char *row = (const char *)row_of(s, key);
-    for (size_t i = 0; i < s->stride * sizeof(uint64_t); i += 64)
-        __builtin_prefetch(row + i);
+    const _Atomic uint64_t *row = row_of(s, key), *bits = row + ROW_BITS + first;
+    __builtin_prefetch((const void *)row);
+    for (size_t i = 0; i < count + 7; i += 8) {
+        size_t at = i < count ? i : count - 1;
+        __builtin_prefetch((const void *)(bits + at));
+        __builtin_prefetch((const void *)(bits + s->words + at));
+    }
 #else
-    (void)s, (void)key;
+    (void)s, (void)key, (void)first, (void)count;
 #endif
 }
 

@@ -181,8 +181,9 @@ VCACHE_API void vcache_bundle_lights(const vcache *cache, vcache_light *lights, 
 /* A set of lights that the host knows in advance: virtual point lights, point lights, fixed environment samples. What
  * an eye cell sees of the whole set is one row of bits (known, visible), found by one look-up per cell and level, and
  * 64 lights are decided at a time by AND and XOR. Rows live in memory of their own, are replaced on collision, and hold
- * the cell's whole 64-bit hash. Each light is its own light end: lights of one light cell do not share. Any number of
- * threads may use a set; vcache_clear of its cache clears it. */
+ * the cell's whole 64-bit hash (of the config's family: of the paper's, different cells can have the same). Each light
+ * is its own light end: lights of one light cell do not share. Any number of threads may use a set; vcache_clear of its
+ * cache clears it. */
 typedef struct vcache_light_set vcache_light_set;
 #define VCACHE_MAX_SET 65536
 /* Copies the prepared ends. `bytes`: of rows; a row takes count / 4 + 16 bytes, rounded up to whole 64. */
@@ -306,7 +307,13 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  * What an eye end knows of a light are the states of three cells around it (sides C_E, 4 C_E and 16 C_E eye samples),
  * each one of: unknown, seen visible, seen blocked, both. m is the share of visible rays that was measured for each of
  * the 64 combinations. The rows are those of the light set; a light that was seen both ways counts as unknown in
- * vcache_add_set. Nothing is answered by the cache alone, so nearness needs no exception. */
+ * vcache_add_set, whose answer replaces it. Nothing is answered by the cache alone, so nearness needs no exception. For
+ * each eye sample:
+ *   1. contribution[i] = f_i, 0 beyond the last light;
+ *   2. p = vcache_predict(predictor, &surface, 12.0f, 0, contribution);
+ *   3. sum = sum of colour_i * p.mean[i];
+ *   4. n = vcache_pick_lights(predictor, vcache_budget_rays(&budget, p.deviation), random, picks, capacity);
+ *   5. trace them; sum += colour * (V - mean) * picks[k].weight for each; vcache_learn(set, &p.cells, picks, V, n). */
 #define VCACHE_CELLS 3
 typedef struct vcache_cells {
     uint64_t key[VCACHE_CELLS]; /* finest first; 0: the end cannot be quantized, nothing is known or learnt */
@@ -336,24 +343,27 @@ VCACHE_API uint32_t vcache_light_set_padded(const vcache_light_set *set);
 /* `contribution` has vcache_light_set_padded floats, each finite and >= 0 (0: not asked, never drawn; so the padding),
  * in any unit that is the same for all lights (luminance, say), and must stay as it is until the lights are picked.
  * `ce` is C_E of the finest cell, `salt` as in vcache_prepare_eye. */
+
 VCACHE_API vcache_prediction vcache_predict(vcache_predictor *predictor, const vcache_surface *eye, float ce,
                                             uint64_t salt, const float *contribution);
 
-/* Draws lights for the last prediction by one systematic sample: `rays` of them on average, at most rays + 1, fewer
- * where fewer contribute; light i with probability p_i = min(1, rays f_i d_i / deviation). `random` in [0, 1) must be
- * uniform and independent of visibility; values spread evenly over the eye samples of a pixel lower the error of their
- * sum. `rays` is cut to capacity - 2. Returns the number of picks. */
+/* Draws lights for the last prediction by one systematic sample, no light twice: light i with probability p_i = min(1,
+ * rays f_i d_i / deviation), so `rays` of them on average, at most rays + 1, fewer where some p are capped at 1.
+ * `random` in [0, 1) must be uniform, and independent of all that was learnt before the prediction: numbers that hang
+ * together, such as strata over the samples of a pixel, lower the error of their sum, but all of their predictions must
+ * be made before any of their answers is learnt. `rays` is cut to capacity - 2. Returns the number of picks. */
 VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float rays, float random, vcache_pick *picks,
                                        uint32_t capacity);
 
-/* What the rays of an eye end found. Any thread, any time later; answers with VCACHE_ONCE are not learnt. */
+/* What the rays of an eye end found: lights picks[i].light, which must be below the set's count. Any thread, any time
+ * later; answers with VCACHE_ONCE are not learnt. What other threads hold at the moment is dropped. */
 VCACHE_API void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache_pick *picks,
                              const vcache_answer *answers, uint32_t count);
 
 /* How many rays an eye sample deserves: for sum of errors over an image that is least at a given mean number of rays, n
  * grows with (deviation x weight in the pixel)^(2/3). Zero-initialised but for `rays`, one for each thread. */
 typedef struct vcache_budget {
-    float rays; /* mean number of rays per eye sample */
+    float rays; /* mean number of rays per eye sample, > 0 */
     double sum, count, scale;
 } vcache_budget;
 /* `error` = deviation x weight of the eye sample. Between rays / 10 and 4 rays, and `rays` on average. (A light that

@@ -69,15 +69,16 @@ bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err)
 {
     const settings *f = &v->settings;
     /* The budget goes to who needs it: most to the virtual point lights, the table only where it is asked. */
-    bool punctual = f->ce_delta > 0.0f && v->scene->light_count > 0, sampled = f->ce_samples > 0.0f;
+    bool estimate = f->visibility == VISIBILITY_ESTIMATE;
+    bool punctual = f->ce_delta > 0.0f && v->scene->light_count > 0, sampled = f->ce_samples > 0.0f && !estimate;
     uint64_t budget = f->cache.table_bytes, part = f->words ? 0 : budget / 8;
     vcache_config config = f->cache;
-    if (!f->words || f->visibility == VISIBILITY_ESTIMATE)
+    if (!f->words || estimate)
         config.table_bytes = sampled ? part * 2 : 4;
     char text[VCACHE_MESSAGE_BYTES];
     memset(out, 0, sizeof *out);
     vcache_status status = vcache_create(&config, &out->table, text);
-    if (status == VCACHE_OK && f->visibility == VISIBILITY_ESTIMATE) {
+    if (status == VCACHE_OK && estimate) {
         status = all_new(v, vpls, budget, out, text);
     } else if (status == VCACHE_OK) {
         out->virtual_ends = virtual_ends(v, vpls, out->table);

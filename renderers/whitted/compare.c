@@ -211,7 +211,8 @@ void comparison_print(const comparison *c, FILE *out)
     if (f->visibility == VISIBILITY_CACHE)
         snprintf(name, sizeof name, "cache C_E %g", (double)f->ce);
     else if (f->visibility == VISIBILITY_ESTIMATE)
-        snprintf(name, sizeof name, "estimate %g", (double)f->rays);
+        snprintf(name, sizeof name, m->served == VISIBILITY_EXACT && frame_begun(m) ? "estimate: all" : "estimate %g",
+                 (double)f->rays);
     if (frame_begun(e))
         print_frame(out, "exact", c->runs ? comparison_median(c->exact, c->runs) : times_of(e), e);
     if (frame_begun(m))
@@ -291,7 +292,7 @@ static void describe(const comparison *c, texts *t)
 {
     const settings *f = &c->view->settings;
     const frame *m = comparison_frame(c);
-    bool cached = m == &c->mode_frame && f->visibility == VISIBILITY_CACHE;
+    visibility_mode mode = m == &c->mode_frame ? f->visibility : VISIBILITY_EXACT;
     t->count = 0;
     add_text(t, "scene", "%s", c->view->scene->name);
     add_text(t, "spp", "%d", f->spp);
@@ -300,8 +301,11 @@ static void describe(const comparison *c, texts *t)
     add_text(t, "envSamples", "%d", f->env_samples);
     add_text(t, "seed", "%llu", (unsigned long long)f->seed);
     add_text(t, "threads", "%d", f->threads);
-    add_text(t, "visibility", "%s", visibility_names[cached ? VISIBILITY_CACHE : VISIBILITY_EXACT]);
-    if (cached) {
+    add_text(t, "visibility", "%s", visibility_names[mode]);
+    add_text(t, "served", "%s", visibility_names[m->served]);
+    if (mode == VISIBILITY_ESTIMATE)
+        add_text(t, "select", "%g", (double)f->rays);
+    if (mode != VISIBILITY_EXACT) {
         add_text(t, "ce", "%g", (double)f->ce);
         add_text(t, "ceDelta", "%g", (double)f->ce_delta);
         add_text(t, "ceSamples", "%g", (double)f->ce_samples);
@@ -343,7 +347,7 @@ bool comparison_save(const comparison *c, const char *path, exr_options options,
         bool wanted;
     } layers[] = {{&m->image, {"R", "G", "B"}, true},
                   {&m->normal, {"normal.X", "normal.Y", "normal.Z"}, true},
-                  {&m->cells, {"cell.R", "cell.G", "cell.B"}, m == &c->mode_frame && f->visibility == VISIBILITY_CACHE},
+                  {&m->cells, {"cell.R", "cell.G", "cell.B"}, m == &c->mode_frame && f->visibility != VISIBILITY_EXACT},
                   {&error, {"error.R", "error.G", "error.B"}, c->runs > 0}};
     if (c->runs > 0)
         error = signed_error(c);

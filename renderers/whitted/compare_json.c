@@ -52,6 +52,7 @@ static void add_scene(cJSON *j, const comparison *c)
     number(j, "threads", f->threads);
     whole(j, "seed", f->seed);
     cJSON_AddStringToObject(j, "mode", visibility_names[f->visibility]);
+    cJSON_AddStringToObject(j, "served", visibility_names[m->served]);
     setting(j, "ce", f->ce);
     setting(j, "select", f->rays);
     setting(j, "refine_above", f->refine_above);

@@ -281,6 +281,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
 
+    out->served = j.mode;
     bool ok = j.mode == VISIBILITY_EXACT || make_caches(&j, threads, err);
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);

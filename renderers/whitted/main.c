@@ -19,6 +19,7 @@ typedef struct arguments {
     float look[7]; /* the last is NaN where it is not given */
     int camera, visibility, store, hash, cache_mb;
     int runs; /* 0: not given */
+    bool select; /* --select was given */
     bool compare, half, tiles, quiet, shared;
     settings settings;
 } arguments;
@@ -65,7 +66,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
          .help = "how shadows are decided"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
-         .shown = "96 / spp", .help = "rays per eye path for estimate, mean"},
+         .shown = "96 / spp, at least 1", .help = "rays per eye path for estimate, mean"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
          .shown = "8; estimate 12", .help = "C_E of virtual lights: eye samples a cell side"},
         {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = 0, .max = 10000, .metavar = "X",
@@ -121,8 +122,9 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->words = a->store == 1;
     if (s->ce < 0.0f)
         s->ce = s->visibility == VISIBILITY_ESTIMATE ? 12.0f : 8.0f;
+    a->select = s->rays >= 0.0f;
     if (s->rays < 0.0f) /* about the same error with any number of paths */
-        s->rays = fmaxf(0.1f, 96.0f / (float)s->spp);
+        s->rays = fmaxf(1.0f, 96.0f / (float)s->spp);
     int samples = (int)ceilf(8.0f / sqrtf((float)s->spp));
     s->env_samples = s->env_samples >= 0 ? s->env_samples : s->env_lights > 0 ? 0 : samples;
     s->light_samples = s->light_samples < 0 ? samples : s->light_samples;
@@ -175,6 +177,11 @@ static bool check_usage(const arguments *a, message *err)
         return fail(err, "--runs needs --compare");
     if (a->settings.env_lights > 0 && a->settings.env_samples > 0)
         return fail(err, "--env-lights stand for the environment: --env-samples must be 0");
+    const settings *s = &a->settings;
+    if (a->select && s->visibility != VISIBILITY_ESTIMATE)
+        return fail(err, "--select needs --visibility estimate");
+    if (s->visibility == VISIBILITY_ESTIMATE && (s->words || s->ce_delta > 0.0f || s->ce_samples > 0.0f))
+        return fail(err, "--visibility estimate does without --store words, --ce-delta and --ce-samples");
     if ((a->half || a->tiles) && !exr)
         return fail(err, "%s needs an .exr file to write", a->half ? "--half" : "--tiles");
     const float *l = a->look;

@@ -36,7 +36,7 @@ void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual)
     memset(c, 0, sizeof *c);
     uint32_t samples = direct_sample_count(v);
     bits_new(&c->bits[LIGHTS_VIRTUAL], vpls->count);
-    if (v->settings.refine_above > 0.0f)
+    if (v->settings.visibility == VISIBILITY_CACHE && v->settings.refine_above > 0.0f)
         c->bits[LIGHTS_VIRTUAL].refine = xcalloc((size_t)CHUNK * c->bits[LIGHTS_VIRTUAL].words + 1, sizeof(uint64_t));
     bits_new(&c->bits[LIGHTS_PUNCTUAL], punctual);
     bits_new(&c->bits[LIGHTS_SAMPLED], samples);
@@ -114,13 +114,23 @@ uint32_t shade_contributions(const vpl_set *vpls, const eye_sample *e, const flo
     return (flat ? contributions_flat : contributions_smooth)(vpls, e, power, geometry, out);
 }
 
-CLONES static void bits_above(const float *restrict values, float bound, uint32_t words, uint64_t *restrict bits)
+CLONES static void bytes_above(const float *restrict values, float bound, uint8_t *restrict bytes)
+{
+    for (uint32_t i = 0; i < 64; i++)
+        bytes[i] = values[i] > bound;
+}
+
+void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t *bits)
 {
     for (uint32_t w = 0; w < words; w++) {
-        uint64_t word = 0;
-        for (uint32_t i = 0; i < 64; i++)
-            word |= (uint64_t)(values[64 * w + i] > bound) << i;
-        bits[w] = word;
+        uint8_t bytes[64];
+        bytes_above(values + (size_t)64 * w, bound, bytes);
+        bits[w] = 0;
+        for (uint32_t i = 0; i < 8; i++) { /* byte k of eight to bit k */
+            uint64_t eight;
+            memcpy(&eight, bytes + 8 * i, sizeof eight);
+            bits[w] |= (eight * 0x0102040810204080u >> 56) << 8 * i;
+        }
     }
 }
 
@@ -135,29 +145,15 @@ static float sum_of(const float *values, uint32_t count)
     return sum;
 }
 
-/* Sum of geometry times power over the visible lights, in 16 fixed lanes. */
-CLONES static rgb diffuse_sum(const vpl_set *l, const float *restrict geometry, const uint64_t *restrict visible,
-                              uint32_t words)
+/* Each bit as 0 or 1. */
+CLONES static void spread_bits(const uint64_t *restrict bits, uint32_t words, float *restrict out)
 {
-    float r[16] = {0}, g[16] = {0}, b[16] = {0};
-    for (uint32_t w = 0; w < words; w++) {
-        uint64_t word = visible[w];
-        if (!word)
-            continue;
-        for (uint32_t i = 0; i < 64; i += 16, word >>= 16) {
-            uint32_t at = 64 * w + i, lanes = (uint32_t)word;
-            for (uint32_t k = 0; k < 16; k++) {
-                float v = lanes >> k & 1u ? geometry[at + k] : 0.0f;
-                r[k] += v * l->r[at + k];
-                g[k] += v * l->g[at + k];
-                b[k] += v * l->b[at + k];
-            }
+    for (uint32_t w = 0; w < words; w++)
+        for (uint32_t part = 0; part < 64; part += 16) {
+            uint32_t lanes = (uint32_t)(bits[w] >> part) & 0xffffu;
+            for (uint32_t k = 0; k < 16; k++)
+                out[64 * w + part + k] = (float)(lanes >> k & 1u);
         }
-    }
-    rgb sum = {0, 0, 0};
-    for (uint32_t k = 0; k < 16; k++)
-        sum = v3_add(sum, v3(r[k], g[k], b[k]));
-    return sum;
 }
 
 /* The light of all virtual point lights, each seen as far as `seen` says. */
@@ -182,15 +178,9 @@ rgb shade_response(const vpl_set *l, const eye_sample *e, uint32_t i)
     return v3_mul(material_eval(&e->surface, wi), v3(l->r[i], l->g[i], l->b[i]));
 }
 
-rgb shade_expected(const vpl_set *l, const eye_sample *e, const float *geometry, const float *seen)
+rgb shade_expected_diffuse(const vpl_set *l, const eye_sample *e, const float *geometry, const float *seen)
 {
-    if (e->surface.material->kind == MATERIAL_DIFFUSE)
-        return v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), weighted_sum(l, geometry, seen));
-    rgb sum = {0, 0, 0};
-    for (uint32_t i = 0; i < l->count; i++)
-        if (geometry[i] > 0.0f)
-            sum = v3_mad(sum, geometry[i] * seen[i], shade_response(l, e, i));
-    return sum;
+    return v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), weighted_sum(l, geometry, seen));
 }
 
 /* Materials with a gloss need their BRDF for each light. */
@@ -222,11 +212,11 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
             continue;
         float *geometry = c->geometry + (size_t)e * vpls->padded;
         uint32_t asked = shade_contributions(vpls, s, vpls->luminance, geometry, c->contribution);
-        bits_above(geometry, 0.0f, virtual->words, virtual->asked + (size_t)e * virtual->words);
+        shade_bits_above(geometry, 0.0f, virtual->words, virtual->asked + (size_t)e * virtual->words);
         if (virtual->refine) {
             float mean = sum_of(c->contribution, vpls->padded) / (float)(asked + 1);
-            bits_above(c->contribution, v->settings.refine_above * mean, virtual->words,
-                       virtual->refine + (size_t)e * virtual->words);
+            shade_bits_above(c->contribution, v->settings.refine_above * mean, virtual->words,
+                             virtual->refine + (size_t)e * virtual->words);
         }
 
         if (punctual->lights > 0)
@@ -253,9 +243,10 @@ void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels)
         const uint64_t *visible = b->visible + (size_t)e * b->words;
         const float *geometry = c->geometry + (size_t)e * vpls->padded;
         rgb sum;
-        if (s->surface.material->kind == MATERIAL_DIFFUSE)
-            sum = v3_mul(v3_scale(s->surface.color, 1.0f / PI_F), diffuse_sum(vpls, geometry, visible, b->words));
-        else
+        if (s->surface.material->kind == MATERIAL_DIFFUSE) {
+            spread_bits(visible, b->words, c->contribution);
+            sum = shade_expected_diffuse(vpls, s, geometry, c->contribution);
+        } else
             sum = glossy_sum(vpls, s, geometry, visible, b->words);
         sum = v3_add(v3_mul(sum, s->weight), c->material[e]);
 

@@ -92,6 +92,7 @@ typedef struct eye_sample {
     rgb weight;      /* of radiance towards wo in the pixel */
     float density;   /* eye samples per unit area */
     uint32_t pixel;  /* in the tile */
+    float stratum;   /* uniform in [0, 1), spread evenly over the paths of a pixel */
     uint64_t random; /* index of its random numbers */
 } eye_sample;
 
@@ -172,8 +173,10 @@ void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels);
 /* For one eye sample: the geometry of each virtual point light, and times `power` (its luminance, say), into `out`; all
  * padded. Returns how many are above 0. */
 uint32_t shade_contributions(const vpl_set *vpls, const eye_sample *e, const float *power, float *geometry, float *out);
-/* Radiance of all virtual point lights towards wo, `visibility` (0 ... 1) of each given. */
-rgb shade_expected(const vpl_set *vpls, const eye_sample *e, const float *geometry, const float *visibility);
+/* Radiance of all virtual point lights off a diffuse surface, each seen as far as `seen` says (0 ... 1). */
+rgb shade_expected_diffuse(const vpl_set *vpls, const eye_sample *e, const float *geometry, const float *seen);
+/* Bit i of `bits` says whether values[i] > bound; 64 * words values. */
+void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t *bits);
 /* BRDF of the eye sample times power of light i. */
 rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 

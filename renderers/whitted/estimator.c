@@ -24,6 +24,7 @@ struct estimator {
     uint32_t punctual_count;
     uint32_t lights; /* padded virtual point lights, then punctual ones */
     float *geometry, *contribution;
+    rgb *response; /* of a glossy eye sample to each virtual point light, geometry included */
     light_sample *punctual;
     ray_packet packet;
     ray_counts counts;
@@ -41,7 +42,10 @@ struct estimator {
 
 uint32_t estimator_punctual(const view *v)
 {
-    return (float)v->scene->light_count > 0.5f * v->settings.rays ? v->scene->light_count : 0;
+    uint32_t count = v->scene->light_count;
+    uint64_t all = ((uint64_t)v->settings.vpls + 63) / 64 * 64 + count;
+    bool many = count > 8 && (float)count > 0.5f * v->settings.rays;
+    return many && all <= VCACHE_MAX_SET ? count : 0;
 }
 
 /* A ray drawn alone costs two to four of a coherent packet, the rest of a prediction some ten. */
@@ -63,6 +67,7 @@ estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *s
     o->budget.rays = v->settings.rays;
     o->geometry = floats_new(vpls->padded);
     o->contribution = floats_new(padded);
+    o->response = xcalloc(vpls->padded + 1, sizeof *o->response);
     o->punctual_count = estimator_punctual(v);
     o->punctual = xcalloc(o->punctual_count + 1, sizeof *o->punctual);
     o->lights = vpls->padded + o->punctual_count;
@@ -87,6 +92,7 @@ void estimator_free(estimator *o)
     vcache_predictor_destroy(&o->predictor);
     free(o->geometry);
     free(o->contribution);
+    free(o->response);
     free(o->punctual);
     free(o->picks);
     free(o->answers);
@@ -115,9 +121,10 @@ static uint32_t contributions(estimator *o, const eye_sample *e, float tint)
     uint32_t asked = shade_contributions(o->vpls, e, o->vpls->luminance, o->geometry, o->contribution);
     if (e->surface.material->kind != MATERIAL_DIFFUSE)
         for (uint32_t i = 0; i < o->vpls->count; i++)
-            if (o->geometry[i] > 0.0f)
-                o->contribution[i] =
-                    o->geometry[i] * luminance(v3_mul(e->weight, shade_response(o->vpls, e, i))) / tint;
+            if (o->geometry[i] > 0.0f) {
+                o->response[i] = v3_scale(v3_mul(e->weight, shade_response(o->vpls, e, i)), o->geometry[i]);
+                o->contribution[i] = luminance(o->response[i]) / tint;
+            }
     if (o->punctual_count == 0)
         return asked;
     direct_punctuals(o->view, e, o->punctual, NULL);
@@ -133,11 +140,24 @@ static rgb light_value(const estimator *o, const eye_sample *e, uint32_t i)
 {
     if (i >= o->vpls->padded)
         return o->punctual[i - o->vpls->padded].value;
-    rgb response =
-        e->surface.material->kind == MATERIAL_DIFFUSE
-            ? v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]))
-            : shade_response(o->vpls, e, i);
-    return v3_scale(v3_mul(e->weight, response), o->geometry[i]);
+    if (e->surface.material->kind != MATERIAL_DIFFUSE)
+        return o->response[i];
+    rgb power = v3_scale(v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]), o->geometry[i] / PI_F);
+    return v3_mul(v3_mul(e->weight, e->surface.color), power);
+}
+
+static rgb expected_light(const estimator *o, const eye_sample *e, const float *mean)
+{
+    rgb sum = {0, 0, 0};
+    if (e->surface.material->kind == MATERIAL_DIFFUSE)
+        sum = v3_mul(e->weight, shade_expected_diffuse(o->vpls, e, o->geometry, mean));
+    else
+        for (uint32_t i = 0; i < o->vpls->count; i++)
+            if (o->geometry[i] > 0.0f)
+                sum = v3_mad(sum, mean[i], o->response[i]);
+    for (uint32_t i = 0; i < o->punctual_count; i++)
+        sum = v3_mad(sum, mean[o->vpls->padded + i], o->punctual[i].value);
+    return sum;
 }
 
 /* Where the comb of picks begins. Evenly spread over the samples of a pixel in one chunk; from chunk to chunk turned at
@@ -168,10 +188,7 @@ static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32
     o->cells[slot] = p.cells;
     if (!pixels->cell[e->pixel])
         pixels->cell[e->pixel] = p.cells.key[0];
-    rgb sum = v3_mul(e->weight, shade_expected(o->vpls, e, o->geometry, p.mean));
-    for (uint32_t i = 0; i < o->punctual_count; i++)
-        sum = v3_mad(sum, p.mean[o->vpls->padded + i], o->punctual[i].value);
-    pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], sum);
+    pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], expected_light(o, e, p.mean));
 
     float rays = vcache_budget_rays(&o->budget, p.deviation * tint);
     uint32_t n = vcache_pick_lights(o->predictor, rays, offset(o, e), o->picks + at, o->capacity);
