@@ -196,9 +196,9 @@ printf '%s\n' ply 'format ascii 1.0' 'element vertex 3' 'property float x' 'prop
 # --- help ---
 
 # name:kind of every option; kinds are those of bad_values below
-options=(size:size spp:one vpls:zero env:text env-samples:zero light-samples:zero camera:zero look:look
+options=(size:size spp:one vpls:zero env:text env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
     visibility:choice select:positive ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
-    cache-mb:one shared:flag store:choice hash:choice compare:flag runs:one threads:zero seed:seed output:text
+    refine-above:float cache-mb:one shared:flag store:choice hash:choice compare:flag runs:one threads:zero seed:seed output:text
     picture:text half:flag tiles:flag json:text quiet:flag)
 
 good --help

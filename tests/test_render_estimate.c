@@ -25,9 +25,10 @@ static stage room(material_kind kind, float color, float roughness, const lighti
     add_quad(s, v3(1, 0, -1), v3(0, 0, 2), v3(0, 2, 0), white);    /* right */
     add_box(s, v3(-0.3f, 0.0f, -0.5f), v3(0.2f, 0.6f, 0.0f), 63, white);
     add_box(s, v3(0.3f, 0.9f, -0.6f), v3(0.8f, 0.92f, 0.4f), 63, red); /* thinner than a cell */
-    if (by->point) {
-        add_point_light(s, v3(0.4f, 1.7f, 0.2f), 2.0f);
-        add_point_light(s, v3(-0.6f, 0.3f, 0.5f), 0.5f);
+    for (int i = 0; by->point && i < 20; i++) { /* so many that they are drawn, not all traced */
+        float x = 0.03f * (float)i;
+        add_point_light(s, v3(x, 1.7f, 0.2f - x), 0.1f);
+        add_point_light(s, v3(-0.8f + x, 0.3f, 0.5f), 0.025f);
     }
     if (by->sun)
         scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL,
