@@ -136,8 +136,9 @@ def rays_for(a, case, known):
         good = [x for x in known if known[x] <= case.target]
         if k in known or (good and 0.93 * case.target <= known[min(good)]):
             break
-    error(k)
     good = [x for x in known if known[x] <= case.target]
+    if not good and error(k) <= case.target:
+        good = [k]
     return min(good) if good else max(known)
 
 

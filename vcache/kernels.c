@@ -6,34 +6,48 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
+/* Loops are of forms that compilers make vectors of, NEON's too: bytes first, then bits. */
+static uint64_t near_bits(const light_places *p, const float eye[3], float eye_side_squared, uint32_t first)
+{
+    const float *restrict x = p->x + first, *restrict y = p->y + first, *restrict z = p->z + first;
+    const float *restrict side = p->side_squared + first, ex = eye[0], ey = eye[1], ez = eye[2];
+    uint8_t near[64];
+    uint64_t word = 0;
+    for (uint32_t i = 0; i < 64; i++) {
+        float dx = x[i] - ex, dy = y[i] - ey, dz = z[i] - ez, distance = dx * dx + dy * dy + dz * dz;
+        /* negative: a direction, never near */
+        float least = (side[i] > eye_side_squared) | (side[i] < 0.0f) ? side[i] : eye_side_squared;
+        near[i] = !(distance >= least);
+    }
+    for (uint32_t i = 0; i < 64; i++)
+        word |= (uint64_t)near[i] << i;
+    return word;
+}
+
 static void near_scalar(const light_places *p, const float eye[3], float eye_side_squared, uint32_t words,
                         uint64_t *bits)
 {
-    for (uint32_t w = 0; w < words; w++) {
-        uint64_t word = 0;
-        for (uint32_t i = 0; i < 64; i++) {
-            uint32_t at = 64 * w + i;
-            float dx = p->x[at] - eye[0], dy = p->y[at] - eye[1], dz = p->z[at] - eye[2], side = p->side_squared[at];
-            float distance = dx * dx + dy * dy + dz * dz;
-            /* negative: a direction, never near */
-            float least = side > eye_side_squared || side < 0.0f ? side : eye_side_squared;
-            word |= (uint64_t) !(distance >= least) << i;
-        }
-        bits[w] = word;
-    }
+    for (uint32_t w = 0; w < words; w++)
+        bits[w] = near_bits(p, eye, eye_side_squared, 64 * w);
 }
+
+enum { DECIDE_PIECE = 8 };
 
 static void decide_scalar(uint32_t words, uint32_t cells, const uint64_t *const known[5], const uint64_t *const seen[5],
                           const uint64_t *rest, uint64_t *found, uint64_t *missing, uint64_t *differs)
 {
-    for (uint32_t w = 0; w < words; w++) {
-        uint64_t other = 0;
+    for (uint32_t first = 0; first < words; first += DECIDE_PIECE) {
+        uint32_t count = words - first < DECIDE_PIECE ? words - first : DECIDE_PIECE;
+        uint64_t other[DECIDE_PIECE] = {0};
         for (uint32_t k = 1; k < cells; k++)
-            other |= known[k][w] & (seen[k][w] ^ seen[0][w]);
-        uint64_t have = rest[w] & known[0][w];
-        missing[w] = rest[w] & ~known[0][w];
-        found[w] = have & ~other;
-        differs[w] = have & other;
+            for (uint32_t w = 0; w < count; w++)
+                other[w] |= known[k][first + w] & (seen[k][first + w] ^ seen[0][first + w]);
+        for (uint32_t w = 0; w < count; w++) {
+            uint64_t asked = rest[first + w], have = asked & known[0][first + w];
+            missing[first + w] = asked & ~have;
+            found[first + w] = have & ~other[w];
+            differs[first + w] = have & other[w];
+        }
     }
 }
 
