@@ -124,9 +124,10 @@ bool eye_cells(const vcache *c, const vcache_surface *surface, float ce, uint64_
     double r2 = c->diameter * c->diameter * (double)surface->density / ((double)ce * ce);
     if (salt)
         salt = hash_words(salt, 0, seed_eye);
-    for (int i = 0; i < VCACHE_CELLS; i++, r2 /= 16.0) {
+    for (int i = 0; i < VCACHE_CELLS; i++, r2 *= 1.0 / 16.0) {
         int step = quantize_step(c, r2, c->step_limit);
-        cells[i] = hash_eye_cell(c, quantize_cell(c, &p, quantize_size(c, step), NULL), p.orientation, step, salt);
+        const cell_size size = {.step = step, .resolution = c->resolution[step]}; /* its side does not matter */
+        cells[i] = hash_eye_cell(c, quantize_cell(c, &p, size, NULL), p.orientation, step, salt);
     }
     return true;
 }

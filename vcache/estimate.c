@@ -211,34 +211,35 @@ void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache
     }
 }
 
-/* x > 0. Without libm, whose last bits differ between machines: the exponent by a third, then Newton's method. */
-static double cube_root(double x)
+/* x > 0, good to 2^-20. Without libm, whose last bits differ between machines: the exponent by a third, then two steps of
+ * Halley's method. */
+static float cube_root(float x)
 {
-    uint64_t bits;
-    double y;
-    memcpy(&bits, &x, sizeof bits);
-    bits = bits / 3 + 0x2a9f789300000000u;
-    memcpy(&y, &bits, sizeof y);
-    for (int i = 0; i < 4; i++)
-        y -= (y * y * y - x) / (3.0 * y * y);
-    return y;
+    uint32_t bits = float_bits(x) / 3 + 0x2a514067u;
+    float start;
+    memcpy(&start, &bits, sizeof start);
+    double y = start, a = x; /* cubes of floats need a wider exponent */
+    for (int i = 0; i < 2; i++) {
+        double cube = y * y * y;
+        y *= (cube + 2.0 * a) / (2.0 * cube + a);
+    }
+    return (float)y;
 }
 
 float vcache_budget_rays(vcache_budget *b, float error)
 {
-    double square = (double)error * error, rays = b->rays;
-    if (!isfinite(square) || !(rays > 0.0))
-        return b->rays;
-    double x = square > 0.0 ? cube_root(square) : 0.0;
+    float rays = b->rays, root = error >= FLT_MIN ? cube_root(error) : 0.0f, x = root * root;
+    if (!isfinite(error) || !(rays > 0.0f))
+        return rays;
     b->sum += x;
     b->count += 1.0;
     if (!(b->scale > 0.0))
         b->scale = 1.0;
-    double share = b->sum > 0.0 ? b->scale * rays * x * b->count / b->sum : rays;
-    share = share > 4.0 * rays ? 4.0 * rays : share < 0.1 * rays ? 0.1 * rays : share;
-    /* What the limits take or give is made up for over all eye samples so far (Robbins and Monro 1951): faster, and
-     * each part of the image would get the same mean. */
-    b->scale *= 1.0 + (1.0 - share / rays) / (b->count + 1000.0);
+    float share = b->sum > 0.0 ? (float)(b->scale * b->count / b->sum) * x : 1.0f; /* of `rays` */
+    share = share > 4.0f ? 4.0f : share < 0.1f ? 0.1f : share;
+    /* What the limits take or give is made up for over all eye samples so far (Robbins and Monro 1951): faster, and each
+     * part of the image would get the same mean. */
+    b->scale *= 1.0 + (1.0 - (double)share) / (b->count + 1000.0);
     b->scale = b->scale > 16.0 ? 16.0 : b->scale < 1.0 / 16.0 ? 1.0 / 16.0 : b->scale;
-    return (float)share;
+    return share * rays;
 }

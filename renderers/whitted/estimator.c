@@ -9,9 +9,10 @@
 
 #include <string.h>
 
-/* A ray on its way, and what either answer adds to the pixel. */
+/* A ray on its way: its answer adds (visible - mean) * value to the pixel. */
 typedef struct correction {
-    rgb if_visible, if_blocked;
+    rgb value;
+    float mean;
     uint32_t eye; /* of the chunk */
 } correction;
 
@@ -136,14 +137,14 @@ static uint32_t contributions(estimator *o, const eye_sample *e, float tint)
     return asked;
 }
 
-static rgb light_value(const estimator *o, const eye_sample *e, uint32_t i)
+/* `albedo`: of a diffuse eye sample, weight included. */
+static rgb light_value(const estimator *o, bool diffuse, rgb albedo, uint32_t i)
 {
     if (i >= o->vpls->padded)
         return o->punctual[i - o->vpls->padded].value;
-    if (e->surface.material->kind != MATERIAL_DIFFUSE)
+    if (!diffuse)
         return o->response[i];
-    rgb power = v3_scale(v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]), o->geometry[i] / PI_F);
-    return v3_mul(v3_mul(e->weight, e->surface.color), power);
+    return v3_mul(albedo, v3_scale(v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]), o->geometry[i]));
 }
 
 static rgb expected_light(const estimator *o, const eye_sample *e, const float *mean)
@@ -192,10 +193,12 @@ static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32
 
     float rays = vcache_budget_rays(&o->budget, p.deviation * tint);
     uint32_t n = vcache_pick_lights(o->predictor, rays, offset(o, e), o->picks + at, o->capacity);
+    bool diffuse = e->surface.material->kind == MATERIAL_DIFFUSE;
+    rgb albedo = v3_scale(v3_mul(e->weight, e->surface.color), 1.0f / PI_F);
     for (uint32_t k = 0; k < n; k++) {
         uint32_t i = o->picks[at + k].light;
-        rgb value = v3_scale(light_value(o, e, i), o->picks[at + k].weight);
-        o->corrections[at + k] = (correction){v3_scale(value, 1.0f - p.mean[i]), v3_scale(value, -p.mean[i]), slot};
+        rgb value = v3_scale(light_value(o, diffuse, albedo, i), o->picks[at + k].weight);
+        o->corrections[at + k] = (correction){value, p.mean[i], slot};
     }
     pixels->traced[e->pixel] += n;
     o->counts.traced += n;
@@ -248,7 +251,7 @@ static void trace(estimator *o, const eye_sample *const *eyes, uint32_t count, t
             bool visible = !(blocked >> k & 1u);
             o->answers[pick] = visible ? VCACHE_VISIBLE : VCACHE_BLOCKED;
             rgb *pixel = &pixels->lit[eyes[c->eye]->pixel];
-            *pixel = v3_add(*pixel, visible ? c->if_visible : c->if_blocked);
+            *pixel = v3_mad(*pixel, (visible ? 1.0f : 0.0f) - c->mean, c->value);
         }
     }
 }
