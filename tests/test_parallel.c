@@ -47,7 +47,7 @@ static void record(void *ctx, int thread, size_t index)
     int highest = atomic_load(&t->highest_thread);
     while (thread > highest && !atomic_compare_exchange_weak(&t->highest_thread, &highest, thread))
         continue;
-    if (atomic_fetch_add(&t->total, 1) + 1 == t->stop_after)
+    if (atomic_fetch_add(&t->total, 1) + 1 >= t->stop_after)
         atomic_store(&t->stop, true);
     atomic_store(&t->busy[thread], 0);
 }
