@@ -16,7 +16,7 @@ static uint64_t near_bits(const light_places *p, const float eye[3], float eye_s
     for (uint32_t i = 0; i < 64; i++) {
         float dx = x[i] - ex, dy = y[i] - ey, dz = z[i] - ez, distance = dx * dx + dy * dy + dz * dz;
         /* negative: a direction, never near */
-        float least = (side[i] > eye_side_squared) | (side[i] < 0.0f) ? side[i] : eye_side_squared;
+        float least = ((side[i] > eye_side_squared) | (side[i] < 0.0f)) ? side[i] : eye_side_squared;
         near[i] = !(distance >= least);
     }
     for (uint32_t i = 0; i < 64; i++)

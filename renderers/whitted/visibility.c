@@ -258,9 +258,9 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
         trace_uncached(o, c, LIGHTS_SAMPLED, pixels);
 }
 
-/* A missing ray and its bookkeeping cost about four rays of coherent packets. The longer it does not pay, the more
+/* A missing ray and its bookkeeping cost some three rays of coherent packets. The longer it does not pay, the more
  * rarely it is tried again. */
-enum { ASIDE_ABOVE = 25, PATIENCE_MAX = 32 }; /* per cent; passes */
+enum { ASIDE_ABOVE = 50, PATIENCE_MAX = 32 }; /* per cent; passes */
 
 bool visibility_steps_aside(visibility *o)
 {
