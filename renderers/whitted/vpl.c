@@ -404,7 +404,8 @@ static void sort_by_place(candidates *c, vec3 low, vec3 size)
         c->items[i].code =
             spread3(cell[0] & 0x1fffff) | spread3(cell[1] & 0x1fffff) << 1 | spread3(cell[2] & 0x1fffff) << 2;
     }
-    qsort(c->items, c->count, sizeof *c->items, by_code);
+    if (c->count > 1)
+        qsort(c->items, c->count, sizeof *c->items, by_code);
 }
 
 static vpl_set pack(const candidates *c, uint64_t paths, float clamp)
