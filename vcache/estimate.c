@@ -12,7 +12,8 @@
 #endif
 
 /* Visible rays per thousand by the states of the coarse, middle and fine cell (known | visible << 1: unknown, blocked,
- * both, visible), counted over four interiors by `bench/policies --states`. Wrong numbers cost rays, never bias. */
+ * both, visible), counted over four interiors; `bench/policies --states` counts again, with other samples, and comes
+ * within a few per cent where a state is not rare. Wrong numbers cost rays, never bias. */
 static const uint16_t visible_share[STATES] = {
     658, 40,  408, 971, /* coarse and middle unknown */
     82,  27,  268, 670, /* middle blocked */
