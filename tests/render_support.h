@@ -168,6 +168,25 @@ static inline vec3 floor_point(const view *v, double x, double y)
     return v3_mad(c->eye, -c->eye.y / d.y, d);
 }
 
+/* Boxes on a floor with all kinds of light; some glass and gloss. */
+static inline stage mixed_stage(uint32_t width, uint32_t height, int spp)
+{
+    scene *s = scene_new("mixed");
+    uint32_t grey = add_material(s, MATERIAL_DIFFUSE, 0.6f), gloss = add_material(s, MATERIAL_GLOSSY, 0.4f);
+    uint32_t glass = add_material(s, MATERIAL_DIELECTRIC, 0.9f), lamp = add_material(s, MATERIAL_DIFFUSE, 0.0f);
+    s->materials[lamp].emission = v3(3, 3, 2);
+    add_box(s, v3(-2, -0.1f, -2), v3(2, 0, 2), 63, grey);
+    add_box(s, v3(-0.8f, 0, -0.8f), v3(-0.2f, 0.7f, -0.3f), 63, gloss);
+    add_box(s, v3(0.1f, 0, 0.1f), v3(0.5f, 0.5f, 0.6f), 63, glass);
+    add_box(s, v3(0.3f, 0, -0.9f), v3(0.8f, 0.4f, -0.4f), 63, grey);
+    add_quad(s, v3(-0.3f, 1.5f, -0.3f), v3(0.6f, 0, 0), v3(0, 0, 0.6f), lamp);
+    add_point_light(s, v3(0.7f, 1.2f, 0.9f), 1.0f);
+    s->environment = environment_uniform(v3(0.1f, 0.2f, 0.3f));
+    stage g = stage_new(s, camera_look(v3(1.5f, 1.3f, 2), v3(0, 0.2f, 0), v3(0, 1, 0), 0.8f), width, height, spp);
+    g.v.settings.vpls = 100;
+    return g;
+}
+
 /* ----------------------------------------------------------------------------------------------------- statistics */
 
 typedef struct tally {

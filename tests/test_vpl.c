@@ -297,25 +297,6 @@ static void leak_is_a_cell(void **state)
 
 /* ---------------------------------------------------------------------------------------------------------- frames */
 
-/* Boxes on a floor with all kinds of light; some glass and gloss. */
-static stage mixed_stage(uint32_t width, uint32_t height, int spp)
-{
-    scene *s = scene_new("mixed");
-    uint32_t grey = add_material(s, MATERIAL_DIFFUSE, 0.6f), gloss = add_material(s, MATERIAL_GLOSSY, 0.4f);
-    uint32_t glass = add_material(s, MATERIAL_DIELECTRIC, 0.9f), lamp = add_material(s, MATERIAL_DIFFUSE, 0.0f);
-    s->materials[lamp].emission = v3(3, 3, 2);
-    add_box(s, v3(-2, -0.1f, -2), v3(2, 0, 2), 63, grey);
-    add_box(s, v3(-0.8f, 0, -0.8f), v3(-0.2f, 0.7f, -0.3f), 63, gloss);
-    add_box(s, v3(0.1f, 0, 0.1f), v3(0.5f, 0.5f, 0.6f), 63, glass);
-    add_box(s, v3(0.3f, 0, -0.9f), v3(0.8f, 0.4f, -0.4f), 63, grey);
-    add_quad(s, v3(-0.3f, 1.5f, -0.3f), v3(0.6f, 0, 0), v3(0, 0, 0.6f), lamp);
-    add_point_light(s, v3(0.7f, 1.2f, 0.9f), 1.0f);
-    s->environment = environment_uniform(v3(0.1f, 0.2f, 0.3f));
-    stage g = stage_new(s, camera_look(v3(1.5f, 1.3f, 2), v3(0, 0.2f, 0), v3(0, 1, 0), 0.8f), width, height, spp);
-    g.v.settings.vpls = 100;
-    return g;
-}
-
 static void repeatable(void **state)
 {
     (void)state;
@@ -423,96 +404,6 @@ static void counts_add_up(void **state)
         free(samples.items);
         free(pixels);
     }
-    stage_free(&g);
-}
-
-/* The virtual point lights that are not refined hold at most `refine_above` of the light of an eye sample. */
-static void refining_is_bounded(void **state)
-{
-    (void)state;
-    stage g = mixed_stage(TILE, TILE, 1);
-    static const float shares[] = {0.1f, 0.5f, 1.0f, 4.0f};
-    for (int k = 0; k < 4; k++) {
-        stage_mode(&g, 8.0f);
-        g.v.settings.refine_above = shares[k];
-        vpl_set vpls = vpls_new(&g.v);
-        chunk c;
-        chunk_new(&c, &g.v, &vpls, g.v.scene->light_count);
-        eye_samples samples = {0};
-        tile_pixels *pixels = xcalloc(1, sizeof *pixels);
-        eye_paths(&g.v, (tile){0, 0, TILE, TILE, 0}, 0, 1, &samples, pixels);
-        uint64_t refined = 0, coarse = 0;
-        for (size_t i = 0; i < samples.count; i += CHUNK) {
-            for (c.count = 0; c.count < CHUNK && i + c.count < samples.count; c.count++)
-                c.eyes[c.count] = &samples.items[i + c.count];
-            shade_unoccluded(&g.v, &vpls, &c);
-            const pair_bits *b = &c.bits[LIGHTS_VIRTUAL];
-            for (uint32_t e = 0; e < c.count; e++) {
-                double all = 0.0, left_out = 0.0;
-                for (uint32_t l = 0; l < vpls.count; l++) {
-                    size_t word = (size_t)e * b->words + l / 64;
-                    if (!(b->asked[word] >> l % 64 & 1))
-                        continue;
-                    double f = (double)c.geometry[(size_t)e * vpls.padded + l] * (double)vpls.luminance[l];
-                    bool refine = b->refine[word] >> l % 64 & 1;
-                    all += f, left_out += refine ? 0.0 : f;
-                    refined += refine, coarse += !refine;
-                }
-                assert_true(left_out <= (double)shares[k] * all * 1.00001);
-            }
-        }
-        assert_true(refined > 100 && coarse > 100);
-        chunk_free(&c);
-        vpls_free(&vpls);
-        free(samples.items);
-        free(pixels);
-    }
-    stage_free(&g);
-}
-
-/* Cells so small that nothing is shared: after the first pass the exact packets take over, for longer and longer, and
- * where cells are shared again they step back. */
-static void steps_aside(void **state)
-{
-    (void)state;
-    stage g = mixed_stage(8 * TILE, 8 * TILE, 1);
-    stage_mode(&g, 8.0f);
-    g.v.settings.ce_delta = g.v.settings.ce_samples = 0.0f;
-    vpl_set vpls = vpls_new(&g.v);
-    caches used = {0};
-    assert_true(caches_new(&g.v, &vpls, &used, NULL));
-    visibility *o = visibility_new(&g.v, &vpls, &used);
-    chunk c;
-    chunk_new(&c, &g.v, &vpls, g.v.scene->light_count);
-    eye_samples samples = {0};
-    tile_pixels *pixels = xcalloc(1, sizeof *pixels);
-    eye_paths(&g.v, (tile){3 * TILE, 4 * TILE, TILE, TILE, 0}, 0, 1, &samples, pixels);
-    /* 10 passes of tiny cells, 10 of large ones */
-    char what[64] = "";
-    for (int pass = 0; pass < 20; pass++) {
-        g.v.settings.ce = pass < 10 ? 0.01f : 8.0f;
-        bool aside = visibility_steps_aside(o);
-        strcat(what, aside ? "x" : "c");
-        ray_counts before = visibility_counts(o);
-        for (size_t i = 0; i < samples.count; i += CHUNK) {
-            for (c.count = 0; c.count < CHUNK && i + c.count < samples.count; c.count++)
-                c.eyes[c.count] = &samples.items[i + c.count];
-            shade_unoccluded(&g.v, &vpls, &c);
-            visibility_resolve(o, &c, pixels);
-        }
-        ray_counts after = visibility_counts(o);
-        if (aside)
-            assert_true(after.traced - before.traced == after.asked - before.asked);
-        if (pass < 10)
-            vcache_clear(used.table);
-    }
-    assert_string_equal(what, "cxxcxxxxcxxxxxxxxccc");
-    visibility_free(o);
-    chunk_free(&c);
-    caches_free(&used);
-    vpls_free(&vpls);
-    free(samples.items);
-    free(pixels);
     stage_free(&g);
 }
 
@@ -643,8 +534,6 @@ int main(void)
         cmocka_unit_test(mispredictions),
         cmocka_unit_test(tiny_cells_are_exact),
         cmocka_unit_test(counts_add_up),
-        cmocka_unit_test(refining_is_bounded),
-        cmocka_unit_test(steps_aside),
         cmocka_unit_test(passes),
         cmocka_unit_test(samples_ask_in_random_order),
         cmocka_unit_test(odd_sizes),
