@@ -143,7 +143,7 @@ static uint64_t run_pick(const micro_case *m, world *w, uint64_t steps)
     uint64_t seed = 3, sum = 0;
     predict(w, 0);
     for (uint64_t i = 0; i < steps; i++)
-        sum += vcache_pick_lights(w->predictor, MICRO_RAYS, random_unit(&seed), picks, MICRO_RAYS + 2);
+        sum += vcache_pick_lights(w->predictor, MICRO_RAYS, 1, random_unit(&seed), picks, MICRO_RAYS + 2);
     micro_sink += sum;
     return steps;
 }
@@ -159,7 +159,7 @@ static uint64_t run_learn(const micro_case *m, world *w, uint64_t steps)
         for (uint32_t k = 0; k < MICRO_RAYS; k++) {
             uint32_t part = MICRO_LIGHTS / MICRO_RAYS, light = k * part + (uint32_t)(random_bits(&seed) % part);
             vcache_miss ray = {.light_user = light};
-            picks[i][k] = (vcache_pick){light, 1.0f};
+            picks[i][k] = (vcache_pick){.light = light, .weight = 1.0f};
             world_trace(NULL, &ray, 1, &answers[i][k]);
         }
     for (uint64_t i = 0; i < steps; i++) {

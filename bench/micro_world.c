@@ -119,7 +119,7 @@ static void learn_coarse(world *w)
     vcache_miss misses[MICRO_LIGHTS] = {{0}};
     vcache_answer answers[MICRO_LIGHTS];
     for (uint32_t i = 0; i < MICRO_LIGHTS; i++) {
-        picks[i] = (vcache_pick){i, 1.0f};
+        picks[i] = (vcache_pick){.light = i, .weight = 1.0f};
         misses[i].light_user = i;
     }
     world_trace(NULL, misses, MICRO_LIGHTS, answers);
@@ -183,7 +183,7 @@ world *world_new(const world_spec *spec)
     make_lights(w, &config);
     if (vcache_light_set_create(w->cache, w->lights, MICRO_LIGHTS, rows ? 4 * set_bytes : set_bytes, &w->set,
                                 message) != VCACHE_OK ||
-        vcache_predictor_create(w->set, &w->predictor, message) != VCACHE_OK)
+        vcache_predictor_create(w->set, VCACHE_DRAW_UNCERTAIN, &w->predictor, message) != VCACHE_OK)
         die("%s", message);
     uint64_t seed = 7;
     w->contribution = need(calloc(vcache_light_set_padded(w->set), sizeof(float)));

@@ -13,14 +13,15 @@ typedef struct bench {
     vcache_light_set *set;
     vcache_predictor *predictor;
     uint32_t count, padded;
-    float *contribution; /* [padded], zero */
+    float *contribution;  /* [padded], zero */
+    float states[STATES]; /* what the predictor expects */
 } bench;
 
 static inline vcache_predictor *make_predictor(vcache_light_set *set)
 {
     char message[VCACHE_MESSAGE_BYTES];
     vcache_predictor *p = NULL;
-    if (vcache_predictor_create(set, &p, message) != VCACHE_OK)
+    if (vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, &p, message) != VCACHE_OK)
         fail_msg("vcache_predictor_create: %s", message);
     return p;
 }
@@ -35,6 +36,7 @@ static inline bench make_bench_of(const vcache_config *config, uint32_t lights, 
     b.set = make_set(b.cache, ends, lights, rows);
     free(ends);
     b.predictor = make_predictor(b.set);
+    predict_states(VCACHE_DRAW_UNCERTAIN, b.states);
     b.padded = vcache_light_set_padded(b.set);
     b.contribution = calloc(b.padded, sizeof *b.contribution);
     assert_non_null(b.contribution);
@@ -71,7 +73,7 @@ static inline vcache_prediction predict_at(bench *b, double x, double y)
 
 static inline void learn_one(bench *b, const vcache_cells *cells, uint32_t light, int answer)
 {
-    vcache_pick pick = {light, 1.0f};
+    vcache_pick pick = {.light = light, .weight = 1.0f};
     vcache_answer a = (vcache_answer)answer;
     vcache_learn(b->set, cells, &pick, &a, 1);
 }

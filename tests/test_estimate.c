@@ -43,27 +43,27 @@ static void arguments(void **state)
 
     char message[VCACHE_MESSAGE_BYTES] = "old";
     vcache_predictor *p = (vcache_predictor *)(void *)light;
-    assert_int_equal(vcache_predictor_create(NULL, &p, message), VCACHE_ERROR_ARGUMENT);
+    assert_int_equal(vcache_predictor_create(NULL, VCACHE_DRAW_UNCERTAIN, &p, message), VCACHE_ERROR_ARGUMENT);
     assert_null(p);
     assert_non_null(strstr(message, "set is NULL"));
-    assert_int_equal(vcache_predictor_create(set, NULL, message), VCACHE_ERROR_ARGUMENT);
+    assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, NULL, message), VCACHE_ERROR_ARGUMENT);
     assert_non_null(strstr(message, "out is NULL"));
-    assert_int_equal(vcache_predictor_create(NULL, &p, NULL), VCACHE_ERROR_ARGUMENT);
-    assert_int_equal(vcache_predictor_create(set, NULL, NULL), VCACHE_ERROR_ARGUMENT);
+    assert_int_equal(vcache_predictor_create(NULL, VCACHE_DRAW_UNCERTAIN, &p, NULL), VCACHE_ERROR_ARGUMENT);
+    assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, NULL, NULL), VCACHE_ERROR_ARGUMENT);
     money.empty = true;
     p = (vcache_predictor *)(void *)light;
-    assert_int_equal(vcache_predictor_create(set, &p, message), VCACHE_ERROR_MEMORY);
+    assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, &p, message), VCACHE_ERROR_MEMORY);
     assert_null(p);
     assert_non_null(strstr(message, "memory"));
-    assert_int_equal(vcache_predictor_create(set, &p, NULL), VCACHE_ERROR_MEMORY);
+    assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, &p, NULL), VCACHE_ERROR_MEMORY);
     money.empty = false;
     assert_true(money.blocks == before.blocks && money.bytes == before.bytes);
 
-    assert_int_equal(vcache_predictor_create(set, &p, message), VCACHE_OK);
+    assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, &p, message), VCACHE_OK);
     assert_string_equal(message, "");
     assert_int_equal(money.blocks, before.blocks + 1);
     vcache_pick picks[8];
-    assert_int_equal(vcache_pick_lights(p, 4.0f, 0.5f, picks, 8), 0); /* nothing was predicted yet */
+    assert_int_equal(vcache_pick_lights(p, 4.0f, 1, 0.5f, picks, 8), 0); /* nothing was predicted yet */
     vcache_predictor_destroy(&p);
     assert_null(p);
     assert_true(money.blocks == before.blocks && money.bytes == before.bytes);
@@ -121,7 +121,7 @@ static void together(void **state)
         vcache_pick picks[50];
         vcache_answer answers[50];
         for (int i = 0; i < 50; i++) {
-            picks[i] = (vcache_pick){(uint32_t)(random_bits(&seed) % 300), 1.0f};
+            picks[i] = (vcache_pick){.light = (uint32_t)(random_bits(&seed) % 300), .weight = 1.0f};
             answers[i] = random_bits(&seed) % 5 ? random_bits(&seed) & 1 : VCACHE_ONCE;
             learn_one(&a, &ca, picks[i].light, answers[i]);
         }
@@ -203,12 +203,12 @@ static void what_writes_nothing(void **state)
                {0.5f, 1, 1, NAN}, {0.5f, 1, 1, -1},    {0.5f, 1, 1, INFINITY}, {1e9f, 1, 1, 1}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         vcache_surface s = {.position = {bad[i].x, 0.5f, 0.5f}, .normal = {0, 0, bad[i].nz}, .density = bad[i].density};
-        assert_true(predict_at(&b, 0.5, 0.5).mean[1] > b.set->states[0]); /* leaves its rows in the scratch */
+        assert_true(predict_at(&b, 0.5, 0.5).mean[1] > b.states[0]); /* leaves its rows in the scratch */
         p = vcache_predict(b.predictor, &s, bad[i].ce, 0, b.contribution);
         for (int k = 0; k < VCACHE_CELLS; k++)
             assert_true(p.cells.key[k] == 0);
         for (uint32_t l = 0; l < 70; l++) {
-            assert_true(p.mean[l] == b.set->states[0]);
+            assert_true(p.mean[l] == b.states[0]);
             learn_one(&b, &p.cells, l, 1);
         }
     }
@@ -245,7 +245,7 @@ static void clears_and_salts(void **state)
     for (int turn = 0; turn < 2; turn++) {
         vcache_prediction p = predict_at(&b, 0.3, 0.4);
         for (uint32_t l = 0; l < 70; l++)
-            assert_true(p.mean[l] == b.set->states[0]);
+            assert_true(p.mean[l] == b.states[0]);
         for (int k = 0; k < VCACHE_CELLS; k++)
             assert_true(p.cells.key[k] != old.key[k]);
         learn_one(&b, &old, 3, VCACHE_VISIBLE); /* a ray that was under way: is seen by nobody any more */
@@ -282,7 +282,7 @@ static void predictions(void **state)
                 uint32_t s = 0;
                 for (int k = 0; k < VCACHE_CELLS; k++)
                     s |= (uint32_t)known_of(&b, &at, k, i) << 2 * k;
-                assert_true(m > 0.0 && m < 1.0 && p.mean[i] == b.set->states[s]);
+                assert_true(m > 0.0 && m < 1.0 && p.mean[i] == b.states[s]);
                 assert_true(fabs(d - sqrt(m * (1.0 - m)) - 0.02) < 0.03); /* the mean was changed by 2^-7 of itself */
                 expected += (double)b.contribution[i] * m, deviation += (double)b.contribution[i] * d;
             }
@@ -320,27 +320,32 @@ static double normal(uint64_t *seed)
     return sqrt(-2.0 * log(1.0 - random_unit(seed))) * cos(6.283185307179586 * random_unit(seed));
 }
 
+/* Rays grow with the error, and shrink with the light there is where that is not dark: for value / (value + 0.4 mean)
+ * the derivative of its logarithm is 1 - 1 / 1.4. */
 static void budgets(void **state)
 {
     (void)state;
     uint64_t seed = 3;
     static const float means[] = {0.5f, 6.0f, 100.0f};
+    static const uint32_t together[] = {1, 16};
     for (int m = 0; m < 3; m++)
-        for (int scale = -20; scale <= 20; scale += 10) {
+        for (int scale = -15; scale <= 15; scale += 5) {
             vcache_budget b = {.rays = means[m]};
-            double sum = 0.0, low = INFINITY, high = 0.0, covariance = 0.0;
+            double sum = 0.0, low = INFINITY, high = 0.0, of_error = 0.0, of_value = 0.0, unit = pow(10.0, scale);
             enum { COUNT = 20000 };
+            uint32_t samples = together[m % 2];
             for (int i = 0; i < COUNT; i++) {
-                double z = 0.35 * normal(&seed); /* nothing is clamped: 5 sigma are a factor of 3.2 */
-                float rays = vcache_budget_rays(&b, (float)(exp(z) * pow(10.0, scale)));
-                sum += (double)rays, low = fmin(low, (double)rays), high = fmax(high, (double)rays);
-                covariance += z * log((double)rays / (double)means[m]);
+                double z = 0.2 * normal(&seed), y = 0.1 * normal(&seed); /* nothing is clamped */
+                double rays = (double)vcache_budget_rays(&b, (float)(exp(z) * unit), (float)(exp(y) * unit), samples);
+                rays /= samples * (double)means[m];
+                sum += rays, low = fmin(low, rays), high = fmax(high, rays);
+                of_error += z * log(rays), of_value += y * log(rays);
             }
-            double mean = sum / COUNT / (double)means[m];
-            if (!(fabs(mean - 1.0) < 0.02))
-                fail_msg("%g rays, errors around 1e%d: mean %g of it", (double)means[m], scale, mean);
-            assert_true(fabs(covariance / COUNT / 0.1225 - 2.0 / 3.0) < 0.02); /* the power of the error */
-            assert_true(low > 0.1 * (double)means[m] && high < 4.0 * (double)means[m]);
+            if (!(fabs(sum / COUNT - 1.0) < 0.02))
+                fail_msg("%g rays, errors around 1e%d: mean %g of it", (double)means[m], scale, sum / COUNT);
+            assert_true(fabs(of_error / COUNT / 0.04 - 1.0) < 0.04);
+            assert_true(fabs(of_value / COUNT / 0.01 + 1.0 / 1.4) < 0.08);
+            assert_true(low > 0.1 && high < 4.0);
             assert_true(b.rays == means[m]);
         }
 }
@@ -349,24 +354,26 @@ static void budget_limits(void **state)
 {
     (void)state;
     vcache_budget b = {.rays = 6.0f};
-    assert_true(vcache_budget_rays(&b, 0.0f) == 6.0f); /* nothing to compare with */
+    assert_true(vcache_budget_rays(&b, 0.0f, 0.0f, 1) == 6.0f); /* nothing to compare with */
     b = (vcache_budget){.rays = 6.0f};
-    assert_true(vcache_budget_rays(&b, NAN) == 6.0f && vcache_budget_rays(&b, INFINITY) == 6.0f && b.count == 0.0);
-    assert_true(vcache_budget_rays(&b, 1.0f) == 6.0f);
+    assert_true(vcache_budget_rays(&b, NAN, 1.0f, 1) == 6.0f && vcache_budget_rays(&b, INFINITY, 1.0f, 2) == 12.0f);
+    assert_true(vcache_budget_rays(&b, 1.0f, NAN, 1) == 6.0f && b.count == 0.0);
+    assert_true(vcache_budget_rays(&b, 1.0f, 1.0f, 1) == 6.0f);
     for (int i = 0; i < 1000; i++)
-        vcache_budget_rays(&b, 1.0f);
+        vcache_budget_rays(&b, 1.0f, 1.0f, 1);
     const vcache_budget typical = b;
     const struct {
         float error, rays;
     } limits[] = {{0.0f, 0.6f}, {1e-20f, 0.6f}, {0x1p-149f, 0.6f}, {1e4f, 24.0f}, {3e38f, 24.0f}};
-    for (size_t i = 0; i < sizeof limits / sizeof *limits; i++) {
-        b = typical;
-        float rays = vcache_budget_rays(&b, limits[i].error);
-        if (!(fabsf(rays - limits[i].rays) < 1e-6f * limits[i].rays))
-            fail_msg("error %g: %g rays", (double)limits[i].error, (double)rays);
-    }
+    for (size_t i = 0; i < sizeof limits / sizeof *limits; i++)
+        for (uint32_t samples = 1; samples <= 3; samples++) {
+            b = typical;
+            float rays = vcache_budget_rays(&b, limits[i].error, 1.0f, samples) / (float)samples;
+            if (!(fabsf(rays - limits[i].rays) < 1e-6f * limits[i].rays))
+                fail_msg("error %g: %g rays", (double)limits[i].error, (double)rays);
+        }
     b = typical;
-    assert_true(vcache_budget_rays(&b, NAN) == 6.0f && vcache_budget_rays(&b, -INFINITY) == 6.0f);
+    assert_true(vcache_budget_rays(&b, NAN, 1.0f, 1) == 6.0f && vcache_budget_rays(&b, -INFINITY, 1.0f, 1) == 6.0f);
     assert_memory_equal(&b, &typical, sizeof b); /* one odd pixel does not spoil the rest */
 }
 

@@ -47,7 +47,7 @@ static void predict(runner *t, vcache_predictor *p, const float *contribution, u
         for (int k = 0; k < TRUTHS; k++)
             found |= out.mean[i] == t->r->allowed[lit(e, i)][k];
         t->wrong += !found;
-        t->known += out.mean[i] != b->set->states[0];
+        t->known += out.mean[i] != b->states[0];
     }
     t->predicted += b->count;
 }
@@ -58,7 +58,7 @@ static void learn(runner *t, uint64_t e, const vcache_cells *cells)
     vcache_answer answers[20];
     uint32_t n = 1 + (uint32_t)(random_bits(&t->seed) % 20);
     for (uint32_t k = 0; k < n; k++) {
-        picks[k] = (vcache_pick){some_light(&t->r->b, &t->seed), 1.0f};
+        picks[k] = (vcache_pick){.light = some_light(&t->r->b, &t->seed), .weight = 1.0f};
         answers[k] = lit(e, picks[k].light);
         if (random_bits(&t->seed) % 8 == 0) /* of which nothing may stay */
             answers[k] = (vcache_answer)(VCACHE_ONCE | (random_bits(&t->seed) & 1));
@@ -89,7 +89,7 @@ static void *run_around(void *context)
     vcache_predictor *p = NULL;
     vcache_worker *worker = NULL;
     float *contribution = calloc(r->b.padded, sizeof *contribution);
-    if (vcache_predictor_create(r->b.set, &p, NULL) != VCACHE_OK ||
+    if (vcache_predictor_create(r->b.set, VCACHE_DRAW_UNCERTAIN, &p, NULL) != VCACHE_OK ||
         vcache_worker_create(r->b.cache, NULL, &worker, NULL) != VCACHE_OK || !contribution) {
         t->wrong = 1;
         return NULL;
@@ -134,7 +134,7 @@ static void race(int threads, uint32_t lights, uint64_t rows, ring r)
             int s = 0;
             for (int c = 0; c < VCACHE_CELLS; c++)
                 s |= (k >> c & 1 ? truth ? SEEN_VISIBLE : SEEN_BLOCKED : UNKNOWN) << 2 * c;
-            r.allowed[truth][k] = r.b.set->states[s];
+            r.allowed[truth][k] = r.b.states[s];
         }
     runner t[MOST_THREADS];
     for (int i = 0; i < threads; i++) {

@@ -23,62 +23,77 @@ static void teach(bench *b, uint64_t *seed)
 }
 
 /* Draws into memory of exactly `capacity` picks and checks what holds for every draw. */
-static uint32_t draw(const bench *b, float rays, float random, uint32_t capacity, vcache_pick **out)
+static uint32_t draw_shared(const bench *b, float rays, uint32_t samples, float random, uint32_t capacity,
+                            vcache_pick **out)
 {
     vcache_pick *picks = malloc(capacity * sizeof *picks + (capacity == 0));
-    uint8_t *drawn = calloc(b->padded, 1);
+    uint8_t *drawn = calloc((size_t)b->padded * samples, 1);
     assert_true(picks && drawn);
-    uint32_t n = vcache_pick_lights(b->predictor, rays, random, picks, capacity);
+    uint32_t n = vcache_pick_lights(b->predictor, rays, samples, random, picks, capacity);
     assert_true(n <= capacity && (double)n <= 1.0 + 1.001 * (double)rays);
     for (uint32_t k = 0; k < n; k++) {
-        uint32_t i = picks[k].light;
-        if (i >= b->count || drawn[i] || !(b->contribution[i] > 0.0f) ||
+        uint32_t i = picks[k].light, s = picks[k].sample;
+        if (i >= b->count || s >= samples || drawn[i * samples + s] || !(b->contribution[i] > 0.0f) ||
             !(picks[k].weight >= 1.0f && isfinite(picks[k].weight)))
-            fail_msg("%g rays, random %a: pick %u of %u: light %u, weight %g", (double)rays, (double)random, k, n, i,
-                     (double)picks[k].weight);
-        drawn[i] = 1;
+            fail_msg("%g rays, random %a: pick %u of %u: light %u, sample %u, weight %g", (double)rays, (double)random,
+                     k, n, i, s, (double)picks[k].weight);
+        assert_true(k == 0 || picks[k - 1].light / 64 <= i / 64);
+        drawn[i * samples + s] = 1;
     }
     free(drawn);
     *out = picks;
     return n;
 }
 
-/* A comb falls on an interval of p teeth p times on average; a grid of `offsets` offsets counts it to 1 / offsets.
- * `slack`: of probabilities, for rounding. */
-static void check_probabilities(const bench *b, const vcache_prediction *p, float rays, uint32_t offsets, double slack)
+static uint32_t draw(const bench *b, float rays, float random, uint32_t capacity, vcache_pick **out)
 {
-    double *weight = malloc(b->padded * sizeof *weight);
-    uint32_t *count = calloc(b->padded, sizeof *count);
+    return draw_shared(b, rays, 1, random, capacity, out);
+}
+
+/* A comb falls on an interval of p teeth p times on average; a grid of `offsets` offsets counts it to 1 / offsets for
+ * each piece that the interval is cut into: two where samples take turns. `slack`: of probabilities, for rounding. */
+static void check_shared(const bench *b, const vcache_prediction *p, float rays, uint32_t samples, uint32_t offsets,
+                         double slack)
+{
+    double *weight = malloc(b->padded * sizeof *weight), per_sample = (double)rays / samples;
+    uint32_t *count = calloc((size_t)b->padded * samples, sizeof *count);
     assert_true(weight && count);
-    double sum = weights_of(b, p, weight), sure = 0.0, total = 0.0;
+    double sum = weights_of(b, p, weight), sure = 0.0, total = 0.0,
+           grid = samples > 1 ? 2.02 / offsets : 1.01 / offsets;
     for (uint32_t i = 0; i < b->padded; i++)
-        sure = sum > 0.0 ? fmax(sure, (double)rays * weight[i] / sum) : 1.0;
+        sure = sum > 0.0 ? fmax(sure, per_sample * weight[i] / sum) : 1.0;
     for (uint32_t o = 0; o < offsets; o++) {
         vcache_pick *picks;
-        uint32_t n = draw(b, rays, ((float)o + 0.5f) / (float)offsets, b->count + 100000, &picks);
+        uint32_t n =
+            draw_shared(b, rays, samples, ((float)o + 0.5f) / (float)offsets, b->count * samples + 100000, &picks);
         if (sure < 0.999 && !(fabs((double)n - (double)rays) <= 1.0 + slack * (double)rays))
             fail_msg("%g rays: %u picks", (double)rays, n);
         for (uint32_t k = 0; k < n; k++) {
-            double probability = fmin(1.0, (double)rays * weight[picks[k].light] / sum);
+            double probability = fmin(1.0, per_sample * weight[picks[k].light] / sum);
             if (!(fabs((double)picks[k].weight * probability - 1.0) < 1e-4))
                 fail_msg("%g rays, light %u: weight %g, probability %g", (double)rays, picks[k].light,
                          (double)picks[k].weight, probability);
-            count[picks[k].light]++;
+            count[picks[k].light * samples + picks[k].sample]++;
         }
         total += n;
         free(picks);
     }
     double expected = 0.0;
-    for (uint32_t i = 0; i < b->padded; i++) {
-        double probability = sum > 0.0 ? fmin(1.0, (double)rays * weight[i] / sum) : 0.0;
+    for (uint32_t i = 0; i < b->padded * samples; i++) {
+        double probability = sum > 0.0 ? fmin(1.0, per_sample * weight[i / samples] / sum) : 0.0;
         expected += probability;
-        if (!(fabs((double)count[i] / offsets - probability) <= 1.01 / offsets + slack))
-            fail_msg("%g rays, %u lights, light %u: drawn %u times of %u, probability %g", (double)rays, b->count, i,
-                     count[i], offsets, probability);
+        if (!(fabs((double)count[i] / offsets - probability) <= grid + slack))
+            fail_msg("%g rays, %u lights, light %u, sample %u of %u: drawn %u times of %u, probability %g",
+                     (double)rays, b->count, i / samples, i % samples, samples, count[i], offsets, probability);
     }
-    assert_true(fabs(total / offsets - expected) <= 1.01 / offsets + slack * (double)rays);
+    assert_true(fabs(total / offsets - expected) <= samples * grid + slack * (double)rays);
     free(weight);
     free(count);
+}
+
+static void check_probabilities(const bench *b, const vcache_prediction *p, float rays, uint32_t offsets, double slack)
+{
+    check_shared(b, p, rays, 1, offsets, slack);
 }
 
 static void probabilities(void **state)
@@ -102,6 +117,69 @@ static void probabilities(void **state)
         }
         free_bench(&b);
     }
+}
+
+/* Each of the samples that share a prediction draws each light with the same probability, as if it were alone; where
+ * lights are certain as well, which costs it its turn. */
+static void shared_predictions(void **state)
+{
+    (void)state;
+    static const uint32_t samples[] = {2, 3, 16, 64};
+    static const float rays[] = {0.3f, 5.0f, 64.0f, 900.0f};
+    uint64_t seed = 5;
+    bench b = make_bench(LIGHTS_MAX, 1 << 10, VCACHE_ISA_ALL);
+    teach(&b, &seed);
+    for (int shape = 0; shape < 3; shape++) {
+        for (uint32_t i = 0; i < b.count; i++) /* equal; a few orders of magnitude; one in a hundred outweighs all */
+            b.contribution[i] = shape == 0   ? 1.0f
+                                : shape == 1 ? (float)exp(random_between(&seed, -5.0, 5.0))
+                                             : (i % 100 == 37 ? 1e5f : 1.0f);
+        vcache_prediction p = predict_at(&b, 0.3, 0.4);
+        for (int s = 0; s < 4; s++)
+            for (int r = 0; r < 4; r++)
+                check_shared(&b, &p, rays[r], samples[s], 1000, 1e-3);
+    }
+    free_bench(&b);
+}
+
+/* Without control variate: by contribution and what is expected, or by contribution alone. */
+static void other_drawings(void **state)
+{
+    (void)state;
+    uint64_t seed = 6;
+    for (vcache_drawing drawing = VCACHE_DRAW_UNCERTAIN; drawing <= VCACHE_DRAW_BRIGHT; drawing++) {
+        bench b = make_bench(LIGHTS_MAX, 1 << 10, VCACHE_ISA_ALL);
+        teach(&b, &seed);
+        float states[STATES];
+        predict_states(VCACHE_DRAW_UNCERTAIN, states);
+        vcache_predictor_destroy(&b.predictor);
+        assert_int_equal(vcache_predictor_create(b.set, drawing, &b.predictor, NULL), VCACHE_OK);
+        for (uint32_t i = 0; i < b.count; i++)
+            b.contribution[i] = (float)random_between(&seed, 0.5, 1.0);
+        vcache_prediction p = predict_at(&b, 0.3, 0.4);
+        check_probabilities(&b, &p, 20.0f, 500, 1e-4);
+        for (uint32_t i = 0; i < b.count; i++) {
+            vcache_cells at = p.cells;
+            uint32_t s = 0;
+            for (int k = 0; k < VCACHE_CELLS && drawing != VCACHE_DRAW_BRIGHT; k++)
+                s |= (uint32_t)known_of(&b, &at, k, i) << 2 * k;
+            double m = (double)states[s], d = (double)deviation_of(p.mean[i]);
+            double wanted = drawing == VCACHE_DRAW_UNCERTAIN ? sqrt(m * (1.0 - m)) + 0.02
+                            : drawing == VCACHE_DRAW_VISIBLE ? sqrt(m) + 0.02
+                                                             : 1.0;
+            assert_true(drawing == VCACHE_DRAW_UNCERTAIN ? p.mean[i] == states[s] : p.mean[i] < 1e-17f);
+            assert_true(fabs(d - wanted) < 0.03);
+        }
+        for (int k = 0; k < VCACHE_CELLS; k++)
+            assert_true((p.cells.key[k] == 0) == (drawing == VCACHE_DRAW_BRIGHT));
+        free_bench(&b);
+    }
+    vcache_predictor *none = NULL;
+    bench b = make_bench(1, 1, VCACHE_ISA_ALL);
+    char message[VCACHE_MESSAGE_BYTES];
+    assert_int_equal(vcache_predictor_create(b.set, (vcache_drawing)3, &none, message), VCACHE_ERROR_ARGUMENT);
+    assert_non_null(strstr(message, "drawing"));
+    free_bench(&b);
 }
 
 /* One light heavier than many steps of the comb, at each place in a word; the others keep their share. */
@@ -168,7 +246,7 @@ static void limits_of_rays(void **state)
     static const float none[] = {0.0f, -1.0f, NAN, -INFINITY};
     for (int i = 0; i < 4; i++) {
         vcache_pick one[8];
-        assert_int_equal(vcache_pick_lights(b.predictor, none[i], 0.5f, one, 8), 0);
+        assert_int_equal(vcache_pick_lights(b.predictor, none[i], 1, 0.5f, one, 8), 0);
     }
     /* rays are cut to capacity - 2: probabilities are those of so many */
     for (uint32_t capacity = 0; capacity < 40; capacity++)
@@ -336,7 +414,7 @@ static void picks_are_the_same_everywhere(void **state)
             free(picks);
         }
         print_message("checksum of picks: 0x%016llx\n", (unsigned long long)sum);
-        assert_true(sum == 0x57d8ddc12736fb53u);
+        assert_true(sum == 0xae97177993c6bf23u);
         free_bench(&b);
     }
 }
@@ -345,6 +423,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(probabilities),
+        cmocka_unit_test(shared_predictions),
+        cmocka_unit_test(other_drawings),
         cmocka_unit_test(a_dominating_light),
         cmocka_unit_test(ends_of_random),
         cmocka_unit_test(limits_of_rays),

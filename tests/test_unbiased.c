@@ -101,7 +101,7 @@ static double visit(hall *h, vcache_predictor *predictor, float *contribution, f
         meddle(h, &p.cells, seed);
     vcache_pick picks[16];
     vcache_answer answers[16];
-    uint32_t n = vcache_pick_lights(predictor, h->rays, offset, picks, 16);
+    uint32_t n = vcache_pick_lights(predictor, h->rays, 1, offset, picks, 16);
     for (uint32_t k = 0; k < n; k++)
         answers[k] = sees_light[picks[k].light];
     if (h->flaw == STALE_MEAN) {
@@ -123,7 +123,7 @@ static void *walk(void *context)
     hall *h = v->h;
     vcache_predictor *predictor = NULL;
     float contribution[(COUNT + 63) / 64 * 64] = {0};
-    if (vcache_predictor_create(h->b.set, &predictor, NULL) != VCACHE_OK)
+    if (vcache_predictor_create(h->b.set, VCACHE_DRAW_UNCERTAIN, &predictor, NULL) != VCACHE_OK)
         return NULL;
     for (int d = 0; d < v->draws; d++) {
         double sum = 0.0, x = 0.0, y;

@@ -45,27 +45,33 @@ static uint32_t float_bits(float f)
 }
 
 /* The deviation goes into the lower half of the mean, which changes it by less than 2^-7 of itself: any mean will do,
- * if prediction and correction use the same. */
-void predict_states(float states[STATES])
+ * if prediction and correction use the same. Where none is wanted it is next to 0, but no denormal: those are slow. */
+void predict_states(vcache_drawing drawing, float states[STATES])
 {
     for (int i = 0; i < STATES; i++) {
-        float mean = (float)visible_share[i] / 1000.0f;
-        float deviation = sqrtf(mean * (1.0f - mean)) + least_deviation;
+        float mean = (float)visible_share[i] / 1000.0f, deviation = sqrtf(mean * (1.0f - mean)) + least_deviation;
+        if (drawing != VCACHE_DRAW_UNCERTAIN) {
+            deviation = drawing == VCACHE_DRAW_VISIBLE ? sqrtf(mean) + least_deviation : 1.0f;
+            mean = 0x1p-60f;
+        }
         uint32_t bits = (float_bits(mean) & 0xffff0000u) | float_bits(deviation) >> 16;
         memcpy(&states[i], &bits, sizeof bits);
     }
 }
 
 struct vcache_predictor {
+    float states[STATES]; /* predict_input.table */
     vcache_light_set *set;
     size_t bytes;
+    bool blind;     /* looks nothing up */
     uint64_t *rows; /* known and visible words of the three cells */
     float *mean, *sums;
     const float *contribution; /* the host's */
     float deviation;
 };
 
-vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **out, char *message)
+vcache_status vcache_predictor_create(vcache_light_set *set, vcache_drawing drawing, vcache_predictor **out,
+                                      char *message)
 {
     if (message)
         message[0] = 0;
@@ -74,6 +80,8 @@ vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **
     *out = NULL;
     if (!set)
         return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "set is NULL");
+    if ((unsigned)drawing > VCACHE_DRAW_BRIGHT)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "drawing is none of VCACHE_DRAW_...");
     size_t words = set->words, header = (sizeof(vcache_predictor) + 63) / 64 * 64, padded = words * 64;
     size_t rows = (2 * VCACHE_CELLS * words * sizeof(uint64_t) + 63) / 64 * 64;
     size_t bytes = header + rows + (padded + LANES * words) * sizeof(float);
@@ -82,8 +90,10 @@ vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **
     if (!block)
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a predictor");
     vcache_predictor *p = (vcache_predictor *)(void *)block;
+    predict_states(drawing, p->states);
     p->set = set;
     p->bytes = bytes;
+    p->blind = drawing == VCACHE_DRAW_BRIGHT;
     p->rows = (uint64_t *)(void *)(block + header);
     p->mean = (float *)(void *)(block + header + rows);
     p->sums = p->mean + padded;
@@ -110,9 +120,9 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
 {
     const vcache_light_set *set = p->set;
     vcache_prediction out = {.mean = p->mean};
-    predict_input in = {.words = set->words, .table = set->states, .contribution = contribution};
+    predict_input in = {.words = set->words, .table = p->states, .contribution = contribution};
     uint64_t epoch_key = atomic_load_explicit(&set->cache->epoch_key, memory_order_acquire);
-    if (eye_cells(set->cache, eye, ce, salt, out.cells.key))
+    if (!p->blind && eye_cells(set->cache, eye, ce, salt, out.cells.key))
         for (int i = 0; i < VCACHE_CELLS; i++) {
             out.cells.key[i] = row_key(epoch_key, out.cells.key[i]);
             row_prefetch(set, out.cells.key[i], 0, set->words);
@@ -157,29 +167,39 @@ static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, f
     return found;
 }
 
-/* A comb of teeth `step` apart falls on the line of all weights: a tooth is on light i with probability weight / step.
- */
-uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, float random, vcache_pick *picks, uint32_t capacity)
+/* A comb of teeth `step` apart falls on the line of all weights; its teeth belong to the samples by turns, from one
+ * drawn at random on. So each sample has a comb of its own, with teeth samples * step apart and a uniform offset: one
+ * of them is on light i with probability weight / (samples * step). */
+uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, uint32_t samples, float random, vcache_pick *picks,
+                            uint32_t capacity)
 {
-    if (!(p->deviation > 0.0f) || !(rays > 0.0f) || capacity < 3)
+    if (!(p->deviation > 0.0f) || !(rays > 0.0f) || capacity < 3 || samples < 1)
         return 0;
     if (rays > (float)(capacity - 2))
         rays = (float)(capacity - 2);
     /* in double: so many teeth one behind the other would drift */
-    double step = (double)p->deviation / (double)rays, next = (double)random * step, at = 0.0;
-    uint32_t count = 0;
+    double step = (double)p->deviation / (double)rays, turn = (double)random * (double)samples, own = step * samples;
+    double tooth = 0.0, at = 0.0, offset = turn - floor(turn), next = offset * step;
+    uint32_t count = 0, sample = (uint32_t)turn, last = UINT32_MAX, hits = 0; /* of the last light */
     for (uint32_t w = 0; w < p->set->words; w++) {
         double word = (double)p->sums[LANES * w + LANES - 1];
         while (at + word > next && count < capacity) {
             float end, weight;
             uint32_t light = find_light(p, w, (float)(next - at), &end, &weight);
-            double times = (double)weight < step ? step / (double)weight : 1.0;
-            /* rounding may find a light again whose weight has just ended, or one of hardly any weight */
-            if (times <= (double)FLT_MAX && !(count > 0 && picks[count - 1].light == light))
-                picks[count++] = (vcache_pick){light, (float)times};
-            next += step;
-            if (at + (double)end > next) /* heavier than a step: taken for sure, and once */
-                next += floor((at + (double)end - next) / step + 1.0) * step;
+            double times = (double)weight < own ? own / (double)weight : 1.0;
+            hits = light == last ? hits + 1 : 1;
+            last = light;
+            /* rounding may find a light once too often, or one of hardly any weight */
+            if (times <= (double)FLT_MAX && hits <= samples)
+                picks[count++] = (vcache_pick){light, sample, (float)times};
+            tooth += 1.0;
+            sample = sample + 1 < samples ? sample + 1 : 0;
+            if (hits >= samples && at + (double)end > next + step) { /* of all samples for sure, and of each once */
+                uint64_t skip = (uint64_t)((at + (double)end - next) / step);
+                tooth += (double)skip;
+                sample = (uint32_t)((sample + skip) % samples);
+            }
+            next = (tooth + offset) * step;
         }
         at += word;
     }
@@ -212,35 +232,22 @@ void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache
     }
 }
 
-/* x > 0, good to 2^-20. Without libm, whose last bits differ between machines: the exponent by a third, then two steps of
- * Halley's method. */
-static float cube_root(float x)
+float vcache_budget_rays(vcache_budget *b, float error, float value, uint32_t samples)
 {
-    uint32_t bits = float_bits(x) / 3 + 0x2a514067u;
-    float start;
-    memcpy(&start, &bits, sizeof start);
-    double y = start, a = x; /* cubes of floats need a wider exponent */
-    for (int i = 0; i < 2; i++) {
-        double cube = y * y * y;
-        y *= (cube + 2.0 * a) / (2.0 * cube + a);
-    }
-    return (float)y;
-}
-
-float vcache_budget_rays(vcache_budget *b, float error)
-{
-    float rays = b->rays, root = error >= FLT_MIN ? cube_root(error) : 0.0f, x = root * root;
-    if (!isfinite(error) || !(rays > 0.0f))
+    float rays = b->rays * (float)samples;
+    if (!isfinite(error) || !isfinite(value) || !(rays > 0.0f))
         return rays;
-    b->sum += x;
-    b->count += 1.0;
+    b->count += samples;
+    b->values += (double)value * samples;
+    double base = (double)value + 0.4 * b->values / b->count, x = base > 0.0 ? (double)error / base : 0.0;
+    b->sum += x * samples;
     if (!(b->scale > 0.0))
         b->scale = 1.0;
-    float share = b->sum > 0.0 ? (float)(b->scale * b->count / b->sum) * x : 1.0f; /* of `rays` */
+    float share = b->sum > 0.0 ? (float)(b->scale * b->count / b->sum * x) : 1.0f; /* of `rays` */
     share = share > 4.0f ? 4.0f : share < 0.1f ? 0.1f : share;
-    /* What the limits take or give is made up for over all eye samples so far (Robbins and Monro 1951): faster, and each
-     * part of the image would get the same mean. */
-    b->scale *= 1.0 + (1.0 - (double)share) / (b->count + 1000.0);
+    /* What the limits take or give is made up for over all eye samples so far (Robbins and Monro 1951): faster, and
+     * each part of the image would get the same mean. */
+    b->scale *= 1.0 + (1.0 - (double)share) * samples / (b->count + 1000.0);
     b->scale = b->scale > 16.0 ? 16.0 : b->scale < 1.0 / 16.0 ? 1.0 / 16.0 : b->scale;
     return share * rays;
 }

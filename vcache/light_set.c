@@ -57,7 +57,6 @@ vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights,
         /* a bypass is !(distance^2 >= side^2): never for directions, always for ends that cannot be quantized */
         s->side_squared[i] = lights[i].bad ? INFINITY : lights[i].side_squared;
     }
-    predict_states(s->states);
     *out = s;
     return VCACHE_OK;
 }

@@ -29,11 +29,10 @@ struct vcache_light_set {
     _Atomic uint64_t *memory;
     vcache_light *lights;
     float *x, *y, *z, *side_squared; /* of the lights, for bypasses; padded to whole words */
-    float states[STATES];            /* predict_input.table of kernels.h */
 };
 
 /* estimate.c */
-void predict_states(float states[STATES]);
+void predict_states(vcache_drawing drawing, float states[STATES]);
 
 static inline uint64_t row_key(uint64_t epoch_key, uint64_t half)
 {

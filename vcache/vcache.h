@@ -312,8 +312,14 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *   1. contribution[i] = f_i, 0 beyond the last light;
  *   2. p = vcache_predict(predictor, &surface, 12.0f, 0, contribution);
  *   3. sum = sum of colour_i * p.mean[i];
- *   4. n = vcache_pick_lights(predictor, vcache_budget_rays(&budget, p.deviation), random, picks, capacity);
- *   5. trace them; sum += colour * (V - mean) * picks[k].weight for each; vcache_learn(set, &p.cells, picks, V, n). */
+ *   4. n = vcache_pick_lights(predictor, vcache_budget_rays(&budget, p.deviation, p.expected, 1), 1, random, picks,
+ * capacity);
+ *   5. trace them; sum += colour * (V - mean) * picks[k].weight for each; vcache_learn(set, &p.cells, picks, V, n).
+ *
+ * Eye samples close to each other, such as those of a pixel on one surface, can share one prediction: with g_i the
+ * contribution in the middle of them, sum f_i V_i = sum g_i m_i + sum (f_i V_i - g_i m_i) for each. Then only the f_i
+ * of lights that are drawn are wanted. It stays without bias while no light that one of them may see has contribution
+ * 0. */
 #define VCACHE_CELLS 3
 typedef struct vcache_cells {
     uint64_t key[VCACHE_CELLS]; /* finest first; 0: the end cannot be quantized, nothing is known or learnt */
@@ -328,12 +334,23 @@ typedef struct vcache_prediction {
 
 typedef struct vcache_pick {
     uint32_t light;
-    float weight; /* 1 / p_i, at least 1 */
+    uint32_t sample; /* of those that share the prediction */
+    float weight;    /* 1 / p, at least 1 */
 } vcache_pick;
+
+/* How lights are drawn. All three are without bias; the first leaves the smallest error. */
+typedef enum vcache_drawing {
+    VCACHE_DRAW_UNCERTAIN, /* the control variate above */
+    VCACHE_DRAW_VISIBLE, /* no control variate: m_i is next to 0, and light i is drawn with probability ~ f_i sqrt(what
+                            the cache expects of V_i), plus a little so that none is missed */
+    VCACHE_DRAW_BRIGHT   /* for comparison: as if there were no cache. m_i is next to 0, p_i ~ f_i, cells have no keys
+                            and nothing is learnt */
+} vcache_drawing;
 
 /* Scratch of one thread for one set (about 6 bytes a light). */
 typedef struct vcache_predictor vcache_predictor;
-VCACHE_API vcache_status vcache_predictor_create(vcache_light_set *set, vcache_predictor **out, char *message);
+VCACHE_API vcache_status vcache_predictor_create(vcache_light_set *set, vcache_drawing drawing, vcache_predictor **out,
+                                                 char *message);
 /* Before its set. */
 VCACHE_API void vcache_predictor_destroy(vcache_predictor **predictor);
 
@@ -347,29 +364,32 @@ VCACHE_API uint32_t vcache_light_set_padded(const vcache_light_set *set);
 VCACHE_API vcache_prediction vcache_predict(vcache_predictor *predictor, const vcache_surface *eye, float ce,
                                             uint64_t salt, const float *contribution);
 
-/* Draws lights for the last prediction by one systematic sample, no light twice: light i with probability p_i = min(1,
- * rays f_i d_i / deviation), so `rays` of them on average, at most rays + 1, fewer where some p are capped at 1.
- * `random` in [0, 1) must be uniform, and independent of all that was learnt before the prediction: numbers that hang
- * together, such as strata over the samples of a pixel, lower the error of their sum, but all of their predictions must
- * be made before any of their answers is learnt. `rays` is cut to capacity - 2. Returns the number of picks. */
-VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float rays, float random, vcache_pick *picks,
-                                       uint32_t capacity);
+/* Draws lights for the last prediction by one systematic sample, for each of the `samples` >= 1 eye samples that share
+ * it. Light i is drawn for one of them with probability p_i = min(1, rays / samples * f_i d_i / deviation), no light
+ * twice: `rays` for all of them on average, at most rays + 1, fewer where some p are capped at 1. Picks are in the
+ * order of the lights, and spread evenly over the samples. `random` in [0, 1) must be uniform, and independent of all
+ * that was learnt before the prediction: numbers that hang together lower the error of a sum, but all of their
+ * predictions must be made before any of their answers is learnt. `rays` is cut to capacity - 2. Returns the number of
+ * picks. */
+VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float rays, uint32_t samples, float random,
+                                       vcache_pick *picks, uint32_t capacity);
 
 /* What the rays of an eye end found: lights picks[i].light, which must be below the set's count. Any thread, any time
  * later; answers with VCACHE_ONCE are not learnt. What other threads hold at the moment is dropped. */
 VCACHE_API void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache_pick *picks,
                              const vcache_answer *answers, uint32_t count);
 
-/* How many rays an eye sample deserves: for sum of errors over an image that is least at a given mean number of rays, n
- * grows with (deviation x weight in the pixel)^(2/3). Zero-initialised but for `rays`, one for each thread. */
+/* How many rays an eye sample deserves. The sum of the squares of relative errors over an image is least, at a given
+ * mean number of rays, where n grows with error / value; of the squares of errors, where n grows with the error. In
+ * between: error / (value + 0.4 its mean). Zero-initialised but for `rays`, one for each thread. */
 typedef struct vcache_budget {
     float rays; /* mean number of rays per eye sample, > 0 */
-    double sum, count, scale;
+    double sum, values, count, scale;
 } vcache_budget;
-/* `error` = deviation x weight of the eye sample. Between rays / 10 and 4 rays, and `rays` on average. (A light that
- * outweighs all others together should not be among them: it would be drawn always, and its weight says nothing of the
- * error.) */
-VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error);
+/* Rays for `samples` eye samples together, of each of which `error` = deviation x weight and `value` = expected x
+ * weight. Each gets between rays / 10 and 4 rays, and `rays` on average. (A light that outweighs all others together
+ * should not be among them: it would be drawn always, and its weight says nothing of the error.) */
+VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error, float value, uint32_t samples);
 
 /* ----------------------------------------------------------------------------------------------------- statistics */
 

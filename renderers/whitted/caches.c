@@ -39,7 +39,7 @@ static vcache_light *punctual_ends(const scene *s, const vcache *cache)
 }
 
 /* All lights in one set: the estimator draws from them together. */
-static vcache_status all_new(const view *v, const vpl_set *vpls, uint64_t bytes, caches *out, char *text)
+static vcache_status all_new(const view *v, const vpl_set *vpls, uint64_t *bytes, caches *out, char *text)
 {
     vcache_light *ends = virtual_ends(v, vpls, out->table);
     const float nowhere[3] = {NAN, NAN, NAN};
@@ -48,8 +48,10 @@ static vcache_status all_new(const view *v, const vpl_set *vpls, uint64_t bytes,
     uint32_t count = vpls->padded + estimator_punctual(v);
     if (count > vpls->padded)
         prepare_punctual(v->scene, out->table, vcache_light_at(ends, vpls->padded));
+    if (v->settings.visibility == VISIBILITY_SELECT) /* nothing is learnt: one row will do */
+        *bytes = ((uint64_t)count / 4 + 16 + 63) / 64 * 64;
     vcache_status status =
-        count ? vcache_light_set_create(out->table, ends, count, bytes, &out->all_set, text) : VCACHE_OK;
+        count ? vcache_light_set_create(out->table, ends, count, *bytes, &out->all_set, text) : VCACHE_OK;
     free(ends);
     return status;
 }
@@ -69,7 +71,7 @@ bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err)
 {
     const settings *f = &v->settings;
     /* The budget goes to who needs it: most to the virtual point lights, the table only where it is asked. */
-    bool estimate = f->visibility == VISIBILITY_ESTIMATE;
+    bool estimate = estimates(f->visibility);
     bool punctual = f->ce_delta > 0.0f && v->scene->light_count > 0, sampled = f->ce_samples > 0.0f && !estimate;
     uint64_t budget = f->cache.table_bytes, part = f->words ? 0 : budget / 8;
     vcache_config config = f->cache;
@@ -79,7 +81,7 @@ bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err)
     memset(out, 0, sizeof *out);
     vcache_status status = vcache_create(&config, &out->table, text);
     if (status == VCACHE_OK && estimate) {
-        status = all_new(v, vpls, budget, out, text);
+        status = all_new(v, vpls, &budget, out, text);
     } else if (status == VCACHE_OK) {
         out->virtual_ends = virtual_ends(v, vpls, out->table);
         out->punctual_ends = punctual_ends(v->scene, out->table);

@@ -121,7 +121,7 @@ bool comparison_run(const view *v, int runs, bool quiet, comparison *out, messag
     out->mispredicted = -1.0;
     truth known = {0};
     /* an estimate predicts no single ray */
-    bool ok = true, estimate = v->settings.visibility == VISIBILITY_ESTIMATE, record = !estimate && truth_fits(v);
+    bool ok = true, estimate = estimates(v->settings.visibility), record = !estimate && truth_fits(v);
     if (!record && !estimate)
         notice("too many pairs to keep a record of: mispredictions are not counted");
     if (runs == 1)
@@ -155,6 +155,7 @@ void comparison_free(comparison *c)
 }
 
 const char *const visibility_names[] = {"exact", "cache", "estimate", NULL};
+const char *const mode_names[VISIBILITY_MODES] = {"exact", "cache", "estimate", "selection", "cached selection"};
 const char *const store_names[] = {"rows", "words", NULL};
 const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
 
@@ -210,9 +211,10 @@ void comparison_print(const comparison *c, FILE *out)
     print_heading(c, out);
     if (f->visibility == VISIBILITY_CACHE)
         snprintf(name, sizeof name, "cache C_E %g", (double)f->ce);
-    else if (f->visibility == VISIBILITY_ESTIMATE)
-        snprintf(name, sizeof name, m->served == VISIBILITY_EXACT && frame_begun(m) ? "estimate: all" : "estimate %g",
-                 (double)f->rays);
+    else if (estimates(f->visibility) && frame_begun(m) && m->served == VISIBILITY_EXACT)
+        snprintf(name, sizeof name, "%s: all", mode_names[f->visibility]);
+    else if (estimates(f->visibility))
+        snprintf(name, sizeof name, "%s %g", mode_names[f->visibility], (double)f->rays);
     if (frame_begun(e))
         print_frame(out, "exact", c->runs ? comparison_median(c->exact, c->runs) : times_of(e), e);
     if (frame_begun(m))
@@ -287,6 +289,11 @@ add_text(texts *t, const char *name, const char *format, ...)
     t->count++;
 }
 
+static bool uses_cache(visibility_mode mode)
+{
+    return mode != VISIBILITY_EXACT && mode != VISIBILITY_SELECT;
+}
+
 /* Every parameter, times and rays. */
 static void describe(const comparison *c, texts *t)
 {
@@ -301,11 +308,11 @@ static void describe(const comparison *c, texts *t)
     add_text(t, "envSamples", "%d", f->env_samples);
     add_text(t, "seed", "%llu", (unsigned long long)f->seed);
     add_text(t, "threads", "%d", f->threads);
-    add_text(t, "visibility", "%s", visibility_names[mode]);
-    add_text(t, "served", "%s", visibility_names[m->served]);
-    if (mode == VISIBILITY_ESTIMATE)
+    add_text(t, "visibility", "%s", mode_names[mode]);
+    add_text(t, "served", "%s", mode_names[m->served]);
+    if (estimates(mode))
         add_text(t, "select", "%g", (double)f->rays);
-    if (mode != VISIBILITY_EXACT) {
+    if (uses_cache(mode)) {
         add_text(t, "ce", "%g", (double)f->ce);
         add_text(t, "ceDelta", "%g", (double)f->ce_delta);
         add_text(t, "ceSamples", "%g", (double)f->ce_samples);
@@ -347,7 +354,7 @@ bool comparison_save(const comparison *c, const char *path, exr_options options,
         bool wanted;
     } layers[] = {{&m->image, {"R", "G", "B"}, true},
                   {&m->normal, {"normal.X", "normal.Y", "normal.Z"}, true},
-                  {&m->cells, {"cell.R", "cell.G", "cell.B"}, m == &c->mode_frame && f->visibility != VISIBILITY_EXACT},
+                  {&m->cells, {"cell.R", "cell.G", "cell.B"}, m == &c->mode_frame && uses_cache(f->visibility)},
                   {&error, {"error.R", "error.G", "error.B"}, c->runs > 0}};
     if (c->runs > 0)
         error = signed_error(c);

@@ -24,8 +24,10 @@ typedef struct comparison {
     double mispredicted;           /* share of the asked; < 0: unknown */
 } comparison;
 
-/* Names of the values of settings, NULL-terminated. */
+/* Names of the values of options, NULL-terminated. */
 extern const char *const visibility_names[], *const store_names[], *const hash_names[];
+/* Of visibility_mode. */
+extern const char *const mode_names[VISIBILITY_MODES];
 
 /* Renders `runs` pairs exact, mode, exact, mode ... with the same samples, after a pair to warm up (a small one where
  * runs is 1).

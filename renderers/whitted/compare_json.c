@@ -51,10 +51,11 @@ static void add_scene(cJSON *j, const comparison *c)
     number(j, "eye_samples", (double)m->eye_samples);
     number(j, "threads", f->threads);
     whole(j, "seed", f->seed);
-    cJSON_AddStringToObject(j, "mode", visibility_names[f->visibility]);
-    cJSON_AddStringToObject(j, "served", visibility_names[m->served]);
+    cJSON_AddStringToObject(j, "mode", mode_names[f->visibility]);
+    cJSON_AddStringToObject(j, "served", mode_names[m->served]);
     setting(j, "ce", f->ce);
-    setting(j, "select", f->rays);
+    if (estimates(f->visibility))
+        setting(j, "select", f->rays);
     setting(j, "refine_above", f->refine_above);
     setting(j, "ce_delta", f->ce_delta);
     setting(j, "ce_samples", f->ce_samples);

@@ -2,6 +2,11 @@
 /*
  * The light of all virtual and punctual lights by few rays: what the cache expects of each light is summed, a few
  * lights are drawn where that is most uncertain, and their rays correct the sum. No bias, whatever the cache holds.
+ *
+ * With g_i the unoccluded contribution of light i at the middle of a group of eye samples, f_i that at one of them, m_i
+ * what is expected of its visibility V_i and p_i > 0 wherever f_i > 0 the probability that it is drawn,
+ *
+ *     sum g_i m_i  +  sum over drawn (f_i V_i - g_i m_i) / p_i        has the expected value        sum f_i V_i.
  */
 #include "whitted.h"
 
@@ -9,12 +14,18 @@
 
 #include <string.h>
 
-/* A ray on its way: its answer adds (visible - mean) * value to the pixel. */
+/* A ray on its way: if it arrives, `value` is added to the pixel. */
 typedef struct correction {
     rgb value;
-    float mean;
     uint32_t eye; /* of the chunk */
 } correction;
+
+/* Eye samples that share one evaluation of all lights. */
+typedef struct group {
+    uint32_t first, count; /* members */
+    vcache_cells cells;
+    uint32_t pick; /* the first */
+} group;
 
 struct estimator {
     const view *view;
@@ -31,15 +42,21 @@ struct estimator {
     ray_counts counts;
     uint32_t capacity; /* picks of one eye sample, at most */
     /* of one chunk; picks [CHUNK * capacity] */
-    uint64_t turn; /* random */
-    vcache_cells cells[CHUNK];
-    uint32_t first[CHUNK + 1]; /* pick of each eye sample */
+    rng random;
+    group groups[CHUNK + 1];
+    uint32_t group_count;
+    uint32_t members[CHUNK]; /* eye samples, group by group */
     vcache_pick *picks;
     vcache_answer *answers;
     correction *corrections;
     uint32_t *order; /* of the picks, by light */
     uint32_t *start; /* of each light in it */
 };
+
+bool estimates(visibility_mode mode)
+{
+    return mode >= VISIBILITY_ESTIMATE;
+}
 
 uint32_t estimator_punctual(const view *v)
 {
@@ -81,7 +98,10 @@ estimator *estimator_new(const view *v, const vpl_set *vpls, vcache_light_set *s
     o->corrections = xmalloc(picks * sizeof *o->corrections);
     o->order = xmalloc(picks * sizeof *o->order);
     packet_init(&o->packet);
-    if (vcache_predictor_create(set, &o->predictor, NULL) != VCACHE_OK)
+    static const vcache_drawing drawing[VISIBILITY_MODES] = {[VISIBILITY_ESTIMATE] = VCACHE_DRAW_UNCERTAIN,
+                                                             [VISIBILITY_SELECT] = VCACHE_DRAW_BRIGHT,
+                                                             [VISIBILITY_SELECT_BY_CACHE] = VCACHE_DRAW_VISIBLE};
+    if (vcache_predictor_create(set, drawing[v->settings.visibility], &o->predictor, NULL) != VCACHE_OK)
         o->predictor = xmalloc(SIZE_MAX);
     return o;
 }
@@ -108,50 +128,134 @@ ray_counts estimator_counts(const estimator *o)
     return o->counts;
 }
 
-/* The unit of contributions: luminance that the eye sample leaves of the light that arrives. Of gloss, that of the path
- * alone: black gloss shines too. */
-static float tint_of(const eye_sample *e)
+static bool is_diffuse(const eye_sample *e)
 {
-    bool diffuse = e->surface.material->kind == MATERIAL_DIFFUSE;
-    return luminance(diffuse ? v3_mul(e->weight, e->surface.color) : e->weight) / PI_F;
+    return e->surface.material->kind == MATERIAL_DIFFUSE;
 }
 
-/* Contributions of all lights to one eye sample, up to its tint; counts those above 0. */
-static uint32_t contributions(estimator *o, const eye_sample *e, float tint)
+/* ---------------------------------------------------------------------------------------------------- groups */
+
+/* Whether lights look alike from both: diffuse, in one pixel, on one nearly flat piece of surface. Looser bounds save
+ * little and make more noise; that of heights is half the distance between eye samples. */
+static bool alike(const eye_sample *a, const eye_sample *b)
 {
-    uint32_t asked = shade_contributions(o->vpls, e, o->vpls->luminance, o->geometry, o->contribution);
-    if (e->surface.material->kind != MATERIAL_DIFFUSE)
-        for (uint32_t i = 0; i < o->vpls->count; i++)
-            if (o->geometry[i] > 0.0f) {
-                o->response[i] = v3_scale(v3_mul(e->weight, shade_response(o->vpls, e, i)), o->geometry[i]);
-                o->contribution[i] = luminance(o->response[i]) / tint;
-            }
+    const float cosine = 0.99f, height_max = 0.5f, distance_max = 16.0f;
+    if (a->pixel != b->pixel || !is_diffuse(a) || !is_diffuse(b))
+        return false;
+    vec3 d = v3_sub(b->surface.position, a->surface.position), n = a->surface.geometric_normal;
+    float height = v3_dot(d, n);
+    return v3_dot(a->surface.normal, b->surface.normal) >= cosine && v3_dot(n, b->surface.geometric_normal) >= cosine &&
+           height * height * a->density <= height_max * height_max &&
+           v3_dot(d, d) * a->density <= distance_max * distance_max;
+}
+
+static void find_groups(estimator *o, const eye_sample *const *eyes, uint32_t count)
+{
+    enum { LOOK_BACK = 4 }; /* surfaces in a pixel, about */
+    uint32_t leader[CHUNK], of[CHUNK], at[CHUNK + 1] = {0}, n = 0;
+    memset(o->groups, 0, sizeof o->groups);
+    for (uint32_t e = 0; e < count; e++) {
+        uint32_t g = n, stop = n < LOOK_BACK ? 0 : n - LOOK_BACK;
+        while (g > stop && !alike(eyes[leader[g - 1]], eyes[e]))
+            g--;
+        of[e] = g > stop ? g - 1 : n;
+        if (of[e] == n)
+            leader[n++] = e;
+        o->groups[of[e]].count++;
+    }
+    o->group_count = n;
+    for (uint32_t g = 0; g < n; g++) {
+        o->groups[g].first = at[g];
+        at[g + 1] = at[g] + o->groups[g].count;
+    }
+    for (uint32_t e = 0; e < count; e++)
+        o->members[at[of[e]]++] = e;
+}
+
+/* An eye sample in the middle of a group, white and of weight 1. A glossy one stays as it is. */
+static eye_sample middle_of(const group *g, const eye_sample *const *eyes, const uint32_t *members)
+{
+    eye_sample out = *eyes[members[0]];
+    if (!is_diffuse(&out))
+        return out;
+    out.weight = out.surface.color = v3(1, 1, 1);
+    if (g->count == 1)
+        return out;
+    vec3 origin = {0, 0, 0}, position = {0, 0, 0}, normal = {0, 0, 0};
+    for (uint32_t k = 0; k < g->count; k++) {
+        const eye_sample *e = eyes[members[k]];
+        origin = v3_add(origin, e->origin);
+        position = v3_add(position, e->surface.position);
+        normal = v3_add(normal, e->surface.normal);
+    }
+    out.origin = v3_scale(origin, 1.0f / (float)g->count);
+    out.surface.position = v3_scale(position, 1.0f / (float)g->count);
+    out.surface.normal = v3_normalize(normal);
+    return out;
+}
+
+/* What an eye sample of a group makes of light at its middle. */
+static rgb tint_of(const eye_sample *e)
+{
+    return is_diffuse(e) ? v3_mul(e->weight, e->surface.color) : v3(1, 1, 1);
+}
+
+/* ----------------------------------------------------------------------------------------------- prediction */
+
+/* Contributions of all lights to the middle, as luminance; counts those above 0. */
+static uint32_t contributions(estimator *o, const eye_sample *middle)
+{
+    const vpl_set *l = o->vpls;
+    uint32_t asked = shade_contributions(l, middle, l->luminance, o->geometry, o->contribution);
+    bool diffuse = is_diffuse(middle);
+    for (uint32_t i = 0; i < l->count && !diffuse; i++)
+        if (o->geometry[i] > 0.0f) {
+            o->response[i] = v3_scale(v3_mul(middle->weight, shade_response(l, middle, i)), o->geometry[i]);
+            o->contribution[i] = luminance(o->response[i]) * PI_F;
+        }
     if (o->punctual_count == 0)
         return asked;
-    direct_punctuals(o->view, e, o->punctual, NULL);
+    direct_punctuals(o->view, middle, o->punctual, NULL);
     for (uint32_t i = 0; i < o->punctual_count; i++) {
-        float value = luminance(o->punctual[i].value) / tint;
-        o->contribution[o->vpls->padded + i] = value;
+        float value = luminance(o->punctual[i].value) * PI_F;
+        o->contribution[l->padded + i] = value;
         asked += value > 0.0f;
     }
     return asked;
 }
 
-/* `albedo`: of a diffuse eye sample, weight included. */
-static rgb light_value(const estimator *o, bool diffuse, rgb albedo, uint32_t i)
+/* All lights must be possible that one of a group may see, those behind the horizon of its middle as well. */
+static void keep_possible(estimator *o)
 {
-    if (i >= o->vpls->padded)
-        return o->punctual[i - o->vpls->padded].value;
-    if (!diffuse)
-        return o->response[i];
-    return v3_mul(albedo, v3_scale(v3(o->vpls->r[i], o->vpls->g[i], o->vpls->b[i]), o->geometry[i]));
+    float mean = shade_total(o->contribution, vcache_light_set_padded(o->set)) / (float)o->lights;
+    float least = mean > 0.0f ? 1e-3f * mean : 1.0f;
+    shade_lift(o->contribution, o->vpls->count, least);
+    shade_lift(o->contribution + o->vpls->padded, o->punctual_count, least);
 }
 
-static rgb expected_light(const estimator *o, const eye_sample *e, const float *mean)
+/* Light i at the middle, unoccluded. */
+static rgb light_at_middle(const estimator *o, bool diffuse, uint32_t i)
+{
+    const vpl_set *l = o->vpls;
+    if (i >= l->padded)
+        return o->punctual[i - l->padded].value;
+    return diffuse ? v3_scale(v3(l->r[i], l->g[i], l->b[i]), o->geometry[i] / PI_F) : o->response[i];
+}
+
+/* Light i at a diffuse eye sample, unoccluded. */
+static rgb light_at(const estimator *o, const eye_sample *e, uint32_t i)
+{
+    const vpl_set *l = o->vpls;
+    if (i >= l->padded)
+        return direct_punctual(e, &o->view->scene->lights[i - l->padded]).value;
+    return v3_mul(tint_of(e), v3_scale(v3(l->r[i], l->g[i], l->b[i]), shade_geometry(l, e, i) / PI_F));
+}
+
+static rgb expected_light(const estimator *o, const eye_sample *middle, const float *mean)
 {
     rgb sum = {0, 0, 0};
-    if (e->surface.material->kind == MATERIAL_DIFFUSE)
-        sum = v3_mul(e->weight, shade_expected_diffuse(o->vpls, e, o->geometry, mean));
+    if (is_diffuse(middle))
+        sum = shade_expected_diffuse(o->vpls, middle, o->geometry, mean);
     else
         for (uint32_t i = 0; i < o->vpls->count; i++)
             if (o->geometry[i] > 0.0f)
@@ -161,49 +265,52 @@ static rgb expected_light(const estimator *o, const eye_sample *e, const float *
     return sum;
 }
 
-/* Where the comb of picks begins. Evenly spread over the samples of a pixel in one chunk; from chunk to chunk turned at
- * random, for what earlier samples of the pixel drew has been learnt, and draws must be independent of that. */
-static float offset(const estimator *o, const eye_sample *e)
+/* What is expected goes to the pixels; what is drawn becomes corrections. Returns the number of picks. */
+static uint32_t predict(estimator *o, group *g, const eye_sample *const *eyes, tile_pixels *pixels)
 {
-    rng r = rng_make(o->turn, e->pixel);
-    float sum = e->stratum + rng_float(&r);
-    return sum < 1.0f ? sum : sum - 1.0f;
-}
-
-/* What is expected goes to the pixel; what is drawn becomes a correction. Returns the number of picks. */
-static uint32_t predict(estimator *o, const eye_sample *e, uint32_t slot, uint32_t at, tile_pixels *pixels)
-{
-    float tint = tint_of(e);
+    const uint32_t *members = o->members + g->first;
+    eye_sample middle = middle_of(g, eyes, members);
+    bool diffuse = is_diffuse(&middle);
+    float tint = 0.0f; /* mean luminance, and contributions lack their pi */
+    for (uint32_t k = 0; k < g->count; k++)
+        tint += luminance(tint_of(eyes[members[k]])) / (PI_F * (float)g->count);
     if (!(tint > 0.0f))
         return 0;
-    uint32_t asked = contributions(o, e, tint);
-    o->counts.asked += asked;
-    pixels->asked[e->pixel] += asked;
-    if (!asked)
+    uint32_t asked = contributions(o, &middle);
+    if (g->count > 1)
+        keep_possible(o);
+    else if (asked == 0)
         return 0;
-    vcache_surface end = {
-        .position = {e->surface.position.x, e->surface.position.y, e->surface.position.z},
-        .normal = {e->surface.geometric_normal.x, e->surface.geometric_normal.y, e->surface.geometric_normal.z},
-        .density = e->density};
-    vcache_prediction p = vcache_predict(o->predictor, &end, o->view->settings.ce, 0, o->contribution);
-    o->cells[slot] = p.cells;
-    if (!pixels->cell[e->pixel])
-        pixels->cell[e->pixel] = p.cells.key[0];
-    pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], expected_light(o, e, p.mean));
 
-    float rays = vcache_budget_rays(&o->budget, p.deviation * tint);
-    uint32_t n = vcache_pick_lights(o->predictor, rays, offset(o, e), o->picks + at, o->capacity);
-    bool diffuse = e->surface.material->kind == MATERIAL_DIFFUSE;
-    rgb albedo = v3_scale(v3_mul(e->weight, e->surface.color), 1.0f / PI_F);
-    for (uint32_t k = 0; k < n; k++) {
-        uint32_t i = o->picks[at + k].light;
-        rgb value = v3_scale(light_value(o, diffuse, albedo, i), o->picks[at + k].weight);
-        o->corrections[at + k] = (correction){value, p.mean[i], slot};
+    vcache_surface end = {.density = middle.density};
+    vec3_store(end.position, middle.surface.position);
+    vec3_store(end.normal, middle.surface.geometric_normal);
+    vcache_prediction p = vcache_predict(o->predictor, &end, o->view->settings.ce, 0, o->contribution);
+    g->cells = p.cells;
+    rgb expected = expected_light(o, &middle, p.mean);
+    for (uint32_t k = 0; k < g->count; k++) {
+        const eye_sample *e = eyes[members[k]];
+        pixels->lit[e->pixel] = v3_add(pixels->lit[e->pixel], v3_mul(tint_of(e), expected));
+        pixels->asked[e->pixel] += asked;
+        o->counts.asked += asked;
+        if (!pixels->cell[e->pixel])
+            pixels->cell[e->pixel] = p.cells.key[0];
     }
-    pixels->traced[e->pixel] += n;
-    o->counts.traced += n;
+
+    vcache_pick *picks = o->picks + g->pick;
+    float rays = vcache_budget_rays(&o->budget, p.deviation * tint, p.expected * tint, g->count);
+    uint32_t n = vcache_pick_lights(o->predictor, rays, g->count, rng_float(&o->random), picks, g->count * o->capacity);
+    for (uint32_t k = 0; k < n; k++) {
+        uint32_t i = picks[k].light, slot = members[picks[k].sample];
+        const eye_sample *e = eyes[slot];
+        rgb there = v3_mul(tint_of(e), light_at_middle(o, diffuse, i)), here = g->count > 1 ? light_at(o, e, i) : there;
+        pixels->lit[e->pixel] = v3_mad(pixels->lit[e->pixel], -picks[k].weight * p.mean[i], there);
+        o->corrections[g->pick + k] = (correction){v3_scale(here, picks[k].weight), slot};
+    }
     return n;
 }
+
+/* ------------------------------------------------------------------------------------------------------ rays */
 
 static void aim(estimator *o, uint32_t lane, const eye_sample *e, uint32_t i)
 {
@@ -223,21 +330,30 @@ static void aim(estimator *o, uint32_t lane, const eye_sample *e, uint32_t i)
     p->tfar[lane] = end;
 }
 
-/* Neighbours in the order of lights make packets that go one way. */
-static void sort_picks(estimator *o, uint32_t count)
+/* Neighbours in the order of lights make packets that go one way. What brings nothing is not traced. Returns how many
+ * are. */
+static uint32_t sort_picks(estimator *o, uint32_t count)
 {
     memset(o->start, 0, (o->lights + 1) * sizeof *o->start);
-    for (uint32_t i = 0; i < count; i++)
-        o->start[o->picks[i].light + 1]++;
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        bool wanted = v3_max_component(o->corrections[i].value) > 0.0f;
+        o->answers[i] = VCACHE_ONCE;
+        o->start[o->picks[i].light + 1] += wanted;
+        n += wanted;
+    }
     for (uint32_t i = 0; i < o->lights; i++)
         o->start[i + 1] += o->start[i];
     for (uint32_t i = 0; i < count; i++)
-        o->order[o->start[o->picks[i].light]++] = i;
+        if (v3_max_component(o->corrections[i].value) > 0.0f)
+            o->order[o->start[o->picks[i].light]++] = i;
+    return n;
 }
 
 static void trace(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels)
 {
-    sort_picks(o, count);
+    count = sort_picks(o, count);
+    o->counts.traced += count;
     for (uint32_t at = 0; at < count; at += GROUP) {
         uint32_t n = count - at < GROUP ? count - at : GROUP;
         for (uint32_t k = 0; k < n; k++) {
@@ -246,24 +362,29 @@ static void trace(estimator *o, const eye_sample *const *eyes, uint32_t count, t
         }
         uint32_t blocked = tracer_occluded16(o->view->tracer, &o->packet, (1u << n) - 1, false);
         for (uint32_t k = 0; k < n; k++) {
-            uint32_t pick = o->order[at + k];
-            const correction *c = &o->corrections[pick];
+            uint32_t pick = o->order[at + k], pixel = eyes[o->corrections[pick].eye]->pixel;
             bool visible = !(blocked >> k & 1u);
             o->answers[pick] = visible ? VCACHE_VISIBLE : VCACHE_BLOCKED;
-            rgb *pixel = &pixels->lit[eyes[c->eye]->pixel];
-            *pixel = v3_mad(*pixel, (visible ? 1.0f : 0.0f) - c->mean, c->value);
+            if (visible)
+                pixels->lit[pixel] = v3_add(pixels->lit[pixel], o->corrections[pick].value);
+            pixels->traced[pixel]++;
         }
     }
 }
 
 void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels)
 {
-    o->turn = count ? o->view->settings.seed ^ eyes[0]->random : 0;
-    for (uint32_t e = 0; e < count; e++)
-        o->first[e + 1] = o->first[e] + predict(o, eyes[e], e, o->first[e], pixels);
-    trace(o, eyes, o->first[count], pixels);
-    for (uint32_t e = 0; e < count; e++)
-        if (o->first[e + 1] > o->first[e])
-            vcache_learn(o->set, &o->cells[e], o->picks + o->first[e], o->answers + o->first[e],
-                         o->first[e + 1] - o->first[e]);
+    if (!count)
+        return;
+    o->random = rng_make(o->view->settings.seed ^ eyes[0]->random, 0x5eed);
+    find_groups(o, eyes, count);
+    uint32_t at = 0;
+    for (group *g = o->groups; g < o->groups + o->group_count; g++) {
+        g->pick = at;
+        at += predict(o, g, eyes, pixels);
+    }
+    o->groups[o->group_count].pick = at;
+    trace(o, eyes, at, pixels);
+    for (const group *g = o->groups; g < o->groups + o->group_count; g++)
+        vcache_learn(o->set, &g->cells, o->picks + g->pick, o->answers + g->pick, g[1].pick - g->pick);
 }

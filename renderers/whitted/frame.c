@@ -146,7 +146,8 @@ static void copy_out(const job *j, tile t, const tile_pixels *p)
             j->out->normal.pixels[to] = p->normal[from];
             j->out->cells.pixels[to] = false_colour(p->cell[from]);
             j->out->depth[to] = p->depth[from];
-            j->out->traced_share[to] = p->asked[from] ? (float)p->traced[from] / (float)p->asked[from] : 0.0f;
+            j->out->traced_share[to] =
+                p->asked[from] ? fminf(1.0f, (float)p->traced[from] / (float)p->asked[from]) : 0.0f;
         }
 }
 
@@ -154,7 +155,7 @@ static void prepare_station(job *j, station *s)
 {
     tracer_thread_init();
     const caches *c = j->v->settings.shared ? &j->shared : &s->caches;
-    if (j->mode == VISIBILITY_ESTIMATE)
+    if (estimates(j->mode))
         s->estimator = estimator_new(j->v, j->vpls, c->all_set);
     s->lights = s->estimator ? &vpls_none : j->vpls; /* what is left to the chunk is exact then */
     chunk_new(&s->chunk, j->v, s->lights, s->estimator && estimator_punctual(j->v) ? 0 : j->v->scene->light_count);
@@ -275,7 +276,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         record->passes = xcalloc(record->pass_count, sizeof *record->passes);
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
-    j.mode = f->visibility == VISIBILITY_ESTIMATE && !estimator_pays(v, &vpls) ? VISIBILITY_EXACT : f->visibility;
+    j.mode = estimates(f->visibility) && !estimator_pays(v, &vpls) ? VISIBILITY_EXACT : f->visibility;
     double ce = j.mode == VISIBILITY_EXACT ? 1.0 : (double)f->ce / sqrt(f->spp);
     halton_order(TILE, TILE, ce, order, starts, &segments);
     for (uint32_t i = 0; i < TILE * TILE; i++)

@@ -27,7 +27,7 @@ typedef struct arguments {
 /* -1: what suits the other settings. */
 static arguments defaults(void)
 {
-    arguments a = {.scene = "atrium", .size = {640, 360}, .visibility = VISIBILITY_CACHE, .cache_mb = 4};
+    arguments a = {.scene = "atrium", .size = {640, 360}, .visibility = -1, .cache_mb = 4};
     a.look[6] = NAN;
     settings *s = &a.settings;
     s->spp = 1;
@@ -64,9 +64,9 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "", .metavar = "EX,EY,EZ,AX,AY,AZ,FOV",
          .help = "camera at E that looks at A, vertical FOV in degrees"},
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
-         .help = "how shadows are decided"},
+         .shown = "cache; with --select estimate", .help = "how shadows are decided"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
-         .shown = "96 / spp, at least 1", .help = "rays per eye path for estimate, mean"},
+         .shown = "all; estimate 96 / spp, 1 or more", .help = "lights drawn per eye path"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
          .shown = "8; estimate 12", .help = "C_E of virtual lights: eye samples a cell side"},
         {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = 0, .max = 10000, .metavar = "X",
@@ -117,12 +117,16 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     options_status status = options_parse(&program, table, sizeof table / sizeof *table, argc, argv, err);
     s->width = a->size.width;
     s->height = a->size.height;
+    a->select = s->rays >= 0.0f;
+    if (a->visibility < 0)
+        a->visibility = a->select ? VISIBILITY_ESTIMATE : VISIBILITY_CACHE;
     s->visibility = (visibility_mode)a->visibility;
+    if (a->select && s->visibility != VISIBILITY_ESTIMATE)
+        s->visibility = s->visibility == VISIBILITY_CACHE ? VISIBILITY_SELECT_BY_CACHE : VISIBILITY_SELECT;
     s->shared = a->shared;
     s->words = a->store == 1;
     if (s->ce < 0.0f)
-        s->ce = s->visibility == VISIBILITY_ESTIMATE ? 12.0f : 8.0f;
-    a->select = s->rays >= 0.0f;
+        s->ce = estimates(s->visibility) ? 12.0f : 8.0f;
     if (s->rays < 0.0f) /* about the same error with any number of paths */
         s->rays = fmaxf(1.0f, 96.0f / (float)s->spp);
     int samples = (int)ceilf(8.0f / sqrtf((float)s->spp));
@@ -178,10 +182,9 @@ static bool check_usage(const arguments *a, message *err)
     if (a->settings.env_lights > 0 && a->settings.env_samples > 0)
         return fail(err, "--env-lights stand for the environment: --env-samples must be 0");
     const settings *s = &a->settings;
-    if (a->select && s->visibility != VISIBILITY_ESTIMATE)
-        return fail(err, "--select needs --visibility estimate");
-    if (s->visibility == VISIBILITY_ESTIMATE && (s->words || s->ce_delta > 0.0f || s->ce_samples > 0.0f))
-        return fail(err, "--visibility estimate does without --store words, --ce-delta and --ce-samples");
+    if (estimates(s->visibility) && (s->words || s->ce_delta > 0.0f || s->ce_samples > 0.0f))
+        return fail(err, "%s does without --store words, --ce-delta and --ce-samples",
+                    s->visibility == VISIBILITY_ESTIMATE ? "--visibility estimate" : "--select");
     if ((a->half || a->tiles) && !exr)
         return fail(err, "%s needs an .exr file to write", a->half ? "--half" : "--tiles");
     const float *l = a->look;

@@ -114,6 +114,15 @@ uint32_t shade_contributions(const vpl_set *vpls, const eye_sample *e, const flo
     return (flat ? contributions_flat : contributions_smooth)(vpls, e, power, geometry, out);
 }
 
+float shade_geometry(const vpl_set *l, const eye_sample *e, uint32_t i)
+{
+    vec3 d = v3_sub(v3(l->x[i], l->y[i], l->z[i]), e->origin);
+    float r2 = v3_dot(d, d), eye = v3_dot(e->surface.normal, d), side = v3_dot(e->surface.geometric_normal, d);
+    float away = -v3_dot(v3(l->nx[i], l->ny[i], l->nz[i]), d);
+    bool lit = eye > 0.0f && side > 0.0f && away > 0.0f;
+    return lit ? eye * away / (r2 * float_max(r2, l->clamp)) : 0.0f;
+}
+
 CLONES static void bytes_above(const float *restrict values, float bound, uint8_t *restrict bytes)
 {
     for (uint32_t i = 0; i < 64; i++)
@@ -134,7 +143,7 @@ void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t
     }
 }
 
-static float sum_of(const float *values, uint32_t count)
+CLONES float shade_total(const float *values, uint32_t count)
 {
     float lane[16] = {0}, sum = 0.0f;
     for (uint32_t i = 0; i < count; i += 16)
@@ -143,6 +152,12 @@ static float sum_of(const float *values, uint32_t count)
     for (uint32_t k = 0; k < 16; k++)
         sum += lane[k];
     return sum;
+}
+
+CLONES void shade_lift(float *values, uint32_t count, float least)
+{
+    for (uint32_t i = 0; i < count; i++)
+        values[i] = values[i] > least ? values[i] : least;
 }
 
 /* Each bit as 0 or 1. */
@@ -214,7 +229,7 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         uint32_t asked = shade_contributions(vpls, s, vpls->luminance, geometry, c->contribution);
         shade_bits_above(geometry, 0.0f, virtual->words, virtual->asked + (size_t)e * virtual->words);
         if (virtual->refine) {
-            float mean = sum_of(c->contribution, vpls->padded) / (float)(asked + 1);
+            float mean = shade_total(c->contribution, vpls->padded) / (float)(asked + 1);
             shade_bits_above(c->contribution, v->settings.refine_above * mean, virtual->words,
                              virtual->refine + (size_t)e * virtual->words);
         }

@@ -31,7 +31,11 @@ enum {
 typedef enum visibility_mode {
     VISIBILITY_EXACT,
     VISIBILITY_CACHE,
-    VISIBILITY_ESTIMATE /* virtual and punctual lights by few rays, the cache as control variate */
+    /* virtual and punctual lights by few rays, without bias: */
+    VISIBILITY_ESTIMATE,        /* the cache as control variate, rays where that is uncertain */
+    VISIBILITY_SELECT,          /* no cache; lights drawn by what they would bring unoccluded */
+    VISIBILITY_SELECT_BY_CACHE, /* by that and by what the cache expects to be seen */
+    VISIBILITY_MODES
 } visibility_mode;
 
 typedef struct settings {
@@ -44,8 +48,8 @@ typedef struct settings {
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
-    float rays;          /* mean per eye sample for VISIBILITY_ESTIMATE */
-    float ce;            /* C_E of virtual point lights; of the finest cells of VISIBILITY_ESTIMATE */
+    float rays;          /* mean per eye sample, where few are traced */
+    float ce;            /* C_E of virtual point lights; of the finest cells where few rays are traced */
     float refine_above;  /* virtual point lights below this times the eye sample's mean contribution are not refined */
     float ce_delta;      /* of point, spot and directional lights; 0: these are traced */
     float ce_samples;    /* of area and environment samples; 0: these are traced */
@@ -173,8 +177,14 @@ void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels);
 /* For one eye sample: the geometry of each virtual point light, and times `power` (its luminance, say), into `out`; all
  * padded. Returns how many are above 0. */
 uint32_t shade_contributions(const vpl_set *vpls, const eye_sample *e, const float *power, float *geometry, float *out);
+/* The geometry of one of them. */
+float shade_geometry(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 /* Radiance of all virtual point lights off a diffuse surface, each seen as far as `seen` says (0 ... 1). */
 rgb shade_expected_diffuse(const vpl_set *vpls, const eye_sample *e, const float *geometry, const float *seen);
+/* Sum of 16 n values. */
+float shade_total(const float *values, uint32_t count);
+/* Lifts values below `least` to it. */
+void shade_lift(float *values, uint32_t count, float least);
 /* Bit i of `bits` says whether values[i] > bound; 64 * words values. */
 void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t *bits);
 /* BRDF of the eye sample times power of light i. */
@@ -212,8 +222,7 @@ typedef struct caches {
     vcache *table; /* light samples; with settings.words all lights */
     vcache_light *virtual_ends, *punctual_ends;
     vcache_light_set *virtual_set, *punctual_set; /* NULL where the table serves */
-    vcache_light_set
-        *all_set; /* for VISIBILITY_ESTIMATE: virtual point lights, padded, then punctual ones; NULL: none */
+    vcache_light_set *all_set; /* for the estimator: virtual point lights, padded, then punctual ones; NULL: none */
     uint64_t bytes;
 } caches;
 
@@ -230,10 +239,13 @@ bool visibility_steps_aside(visibility *o);
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
 
-/* -------------------------------------------------------------------------------------------- estimate (estimator.c) */
+/* -------------------------------------------------------------------------------------------- estimate (estimator.c)
+ */
 
 /* One thread's means of estimating the light of all virtual and punctual lights without bias. */
 typedef struct estimator estimator;
+/* Whether a mode needs one. */
+bool estimates(visibility_mode mode);
 /* Punctual lights that it takes care of: all or none. A few bring so much each that they are better traced always. */
 uint32_t estimator_punctual(const view *v);
 /* Whether few rays can stand for so many lights; else they are better traced. */
@@ -263,7 +275,7 @@ typedef struct frame {
     uint64_t cache_bytes, mispredicted, eye_samples;
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
-    bool complete; /* false where it was interrupted */
+    bool complete;          /* false where it was interrupted */
 } frame;
 
 /* `record` (NULL: none) takes down exact visibility; `check` counts the differences to it. */
