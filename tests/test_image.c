@@ -247,7 +247,8 @@ static void references_have_three_colours(void **state)
     assert_false(image_load_exr(in_folder("a.exr"), &b, &err));
     assert_non_null(strstr(err.text, "a.exr: it lacks one of the channels R, G, B"));
     assert_null(b.pixels);
-    put_bytes(in_folder("a.hdr"), "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\nabcd", 54);
+    static const char hdr[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\nabcd";
+    put_bytes(in_folder("a.hdr"), hdr, sizeof hdr - 1);
     assert_true(image_load(in_folder("a.hdr"), &b, &err));
     image_free(&b);
     assert_false(image_load_exr(in_folder("a.hdr"), &b, &err));
