@@ -24,6 +24,7 @@ import csv
 import json
 import math
 import os
+import re
 import shlex
 import statistics
 import sys
@@ -57,7 +58,7 @@ COLUMNS = ["scene", "method", "knob", "value", "width", "height", "spp", "vpls",
 
 def base_command(a, scene, spp, seed):
     return [a.whitted, *scene_words(a, scene), "--size", a.size, "--spp", str(spp), "--vpls", str(a.vpls), "--seed",
-            str(seed), "--threads", "1"]
+            str(seed), "--threads", "1", *a.options]
 
 
 # --------------------------------------------------------------------------------------------------------- references
@@ -73,6 +74,7 @@ class Reference:
         select = ["--select", str(a.reference_select)] if a.reference_select else []
         how = f"select{a.reference_select}" if select else "all"
         name = f"{scene}-{a.size}-{a.vpls}vpls-seed{seed}-exact-{how}-{a.reference_spp}spp"
+        name += re.sub("[^A-Za-z0-9.]+", "-", " ".join([""] + a.options))
         self.image, self.figures = (os.path.join(a.references, name + end) for end in (".exr", ".json"))
         self.command = base_command(a, scene, a.reference_spp, seed) + ["--visibility", "exact"] + select
         self.text = public(a, self.command)
@@ -255,6 +257,8 @@ def parse():
                         help="lights drawn per path of a reference; 0: all of them (default 16)")
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--vpls", type=int, default=1024)
+    parser.add_argument("--options", default="", help="more options of whitted, for references and tests, in one word: "
+                        "--options='--light-samples 16'")
     parser.add_argument("--seeds", type=int, default=1, help="seeds 0, 1 ..., each with its own lights and reference")
     parser.add_argument("--runs", type=int, default=3, help="frames a point and seed, fewer where they take long")
     parser.add_argument("--longest", type=float, default=15.0, help="seconds a frame may be expected to take")
@@ -262,6 +266,10 @@ def parse():
     parser.add_argument("--plots", metavar="FOLDER", help="an SVG file per scene")
     parser.add_argument("--again", metavar="CSV", help="tables and plots from earlier figures; renders nothing")
     a = parser.parse()
+    try:
+        a.options = shlex.split(a.options)
+    except ValueError as e:
+        parser.error(f"--options: {e}")
     if a.quick:
         a.size, a.vpls, a.runs, a.reference_spp = "48x32", min(a.vpls, 64), 1, a.reference_spp or 64
     elif not a.references:

@@ -76,6 +76,9 @@ class Runs(unittest.TestCase):
         self.assertIn(" -o ", self.run_it(*words)[1])
         self.assertNotIn(" -o ", self.run_it(*words)[1])
         self.assertIn(" -o ", self.run_it(*words, "--reference-spp", "80")[1])
+        said = self.run_it(*words, "--options=--light-samples 2")[1]
+        self.assertEqual(said.count("--light-samples 2"), len(said.splitlines()))
+        self.assertIn(" -o ", said)
         self.assertNotIn(" -o ", self.run_it(*words)[1])
         name = next(os.path.join(self.folder, n) for n in os.listdir(self.folder) if n.endswith("64spp.json"))
         with open(name) as f:
@@ -92,7 +95,7 @@ class Runs(unittest.TestCase):
         self.assertIn("kitchen: left out, ", said)
         self.assertEqual(len(said.splitlines()), 2)
         for words in (["--filter", "nothing"], ["--filter", "("], ["--again", WHITTED], ["--again", "missing.csv"],
-                      ["--seeds", "0"], ["--csv", "missing/x.csv"], ["--plots", WHITTED]):
+                      ["--seeds", "0"], ["--options", "'"], ["--csv", "missing/x.csv"], ["--plots", WHITTED]):
             self.assertEqual(len(self.run_it(*words, status=1)[1].splitlines()), 1, words)
 
 
