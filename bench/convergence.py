@@ -143,16 +143,14 @@ def points_of(a, scene, method, references):
     if a.quick:
         values, paths = values[:2], paths[:3]
     for step, spp in enumerate(paths):
-        if spp * SHARED > a.reference_spp:
+        if spp > ALL_KNOBS and len(values) > 2:
+            values = sorted(values, key=lambda v: last[v]["frame_s"] * last[v]["rel_mse"])[:2]
+        affordable = [v for v in values if step < FEWEST or last[v]["frame_s"] * spp / last[v]["spp"] <= a.longest]
+        if affordable and spp * SHARED > a.reference_spp:
             print(f"convergence.py: {scene}/{method}: {spp} and more paths left out, the reference has too few",
                   file=sys.stderr)
             break
-        if spp > ALL_KNOBS and len(values) > 2:
-            values = sorted(values, key=lambda v: last[v]["frame_s"] * last[v]["rel_mse"])[:2]
-        for value in values:
-            before = last.get(value)
-            if before and step >= FEWEST and before["frame_s"] * spp / before["spp"] > a.longest:
-                continue
+        for value in affordable:
             last[value] = measure(a, scene, references, method, value, spp)
             last[value]["scene"] = scene
             rows.append(last[value])
