@@ -13,23 +13,16 @@ Groups of cases (--list shows all):
 
 FOLDER holds NAME/NAME.glb and hdri/. Build first: meson setup build && ninja -C build.
 """
-import argparse
 import csv
-import json
 import math
-import os
 import re
-import shlex
-import subprocess
 import sys
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+sys.dont_write_bytecode = True
+from scenes import BUILTIN, Failure, Parser, missing_file, public, run, scene_words, table
+
 REAL = ["kitchen", "conference", "breakfast", "living-room"]
-BUILTIN = ["atrium", "cornell", "shapes", "dominoes", "plant"]
 BY_TRIANGLES = ["dominoes", "shapes", "lost-empire", "conference", "breakfast", "kitchen", "san-miguel"]
-OF_SCENE = {"living-room": ["--env", "hdri/living-room-sky.exr"],
-            "san-miguel": ["--env", "hdri/kloppenheim_05_1k.hdr", "--camera", "4"],
-            "hair-straight": ["--env", "hdri/vestibule_1k.hdr"]}
 TARGETS = [0.005, 0.01, 0.02]
 # where the search for the number of rays begins, for 1 % (it ends where it ends)
 START = {"kitchen": 5.9, "conference": 6.9, "breakfast": 3.8, "living-room": 5.0}
@@ -60,21 +53,11 @@ class Case:
         self.runs, self.options, self.vpls, self.threads, self.target = runs, list(options), vpls, threads, target
 
     def command(self, a, mode, runs):
-        builtin = self.scene in BUILTIN
         size, spp, vpls = self.size, self.spp, self.vpls
-        options = self.options + OF_SCENE.get(self.scene, [])
         if a.quick:
             size, spp, vpls, runs = "48x32", min(spp, 4), min(vpls, 64), min(runs, 1 if self.runs < 9 else 9)
-        options = [os.path.join(a.scenes, o) if o.startswith("hdri/") else o for o in options]
-        scene = self.scene if builtin else os.path.join(a.scenes, self.scene, self.scene + ".glb")
-        return [a.whitted, scene, "--size", size, "--spp", str(spp), "--vpls", str(vpls), *options, "--threads",
-                str(self.threads), *mode, "--compare", "--runs", str(runs), "--quiet", "--json", "-"]
-
-    def missing(self, a):
-        """The file that this case lacks."""
-        files = [] if self.scene in BUILTIN else [f"{self.scene}/{self.scene}.glb"]
-        files += [o for o in OF_SCENE.get(self.scene, []) if o.startswith("hdri/")]
-        return next((f for f in files if not os.path.exists(os.path.join(a.scenes, f))), None)
+        return [a.whitted, *scene_words(a, self.scene), "--size", size, "--spp", str(spp), "--vpls", str(vpls),
+                *self.options, "--threads", str(self.threads), *mode, "--compare", "--runs", str(runs), "--quiet", "--json", "-"]
 
 
 def all_cases(a):
@@ -99,19 +82,6 @@ def all_cases(a):
     cases += [Case(f"triangles/{s}", s, "160x90", 16, mode, 3) for s in BY_TRIANGLES]
     cases += [Case(f"threads/{n}", "conference", "320x180", 16, mode, 5, threads=n) for n in (1, 2)]
     return cases
-
-
-class Failure(Exception):
-    pass
-
-
-def run(command):
-    print(shlex.join(command), file=sys.stderr, flush=True)
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    if done.returncode != 0:
-        lines = done.stderr.strip().splitlines()
-        raise Failure(lines[-1] if lines else f"{command[0]} ended with status {done.returncode}")
-    return json.loads(done.stdout)
 
 
 def rays_for(a, case, known):
@@ -173,9 +143,7 @@ def measure(a, case, known, rows):
     if case.name.startswith("threads/") and one:
         row["exact_scaling"] = one["exact_frame_s"] / row["exact_frame_s"]
         row["mode_scaling"] = one["mode_frame_s"] / row["mode_frame_s"]
-    # nothing of this machine's folders
-    words = ["whitted"] + [w.replace(os.path.join(a.scenes, ""), "SCENES/") for w in command[1:]]
-    row["command"] = shlex.join(words)
+    row["command"] = public(a, command)
     return row
 
 
@@ -223,9 +191,7 @@ TABLES = {"targets": SCENE + ERRORS + TIMES, "plain": SCENE + ERRORS + TIMES, "l
 
 
 def table_of(group, rows):
-    columns = TABLES.get(group, NAME + GROWTH)
-    lines = [[c[0] for c in columns], [c[1] for c in columns]] + [[c[2](r) for c in columns] for r in rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    return table(TABLES.get(group, NAME + GROWTH), rows)
 
 
 def group_of(name):
@@ -242,56 +208,35 @@ def replace_table(path, text):
         f.write(parts[1] + text + "\n" + parts[2])
 
 
-class Parser(argparse.ArgumentParser):
-    def error(self, text):
-        sys.exit(f"frames.py: {text}")
-
-
 def parse():
-    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", default=os.path.join(ROOT, "..", "shared", "scenes"))
-    parser.add_argument("--whitted", default=os.path.join(ROOT, "build", "renderers", "whitted", "whitted"))
-    parser.add_argument("--list", action="store_true", help="names of the cases")
-    parser.add_argument("--filter", default="", help="only cases whose name matches this regular expression")
+    parser = Parser(__doc__)
     parser.add_argument("--visibility", choices=("cache", "estimate"), default="estimate",
                         help="mode of the groups that do not name one")
     parser.add_argument("--runs", type=int, help="pairs of frames (default: 9 for builtin, 5 or 3 else)")
-    parser.add_argument("--csv", help="file for all figures")
-    parser.add_argument("--quick", action="store_true", help="tiny images: do the command lines work?")
     parser.add_argument("--readme", metavar="FILE", help="replace the table in this file as well")
-    a = parser.parse_args()
-    try:
-        a.filter = re.compile(a.filter)
-    except re.error as e:
-        parser.error(f"--filter '{a.filter}': {e}")
+    a = parser.parse()
     if a.runs is not None and not 1 <= a.runs <= 99:
         parser.error(f"--runs takes 1 ... 99, not {a.runs}")
-    a.scenes = os.path.normpath(a.scenes)
-    return a
+    return parser, a
 
 
 def main():
-    a = parse()
+    parser, a = parse()
     cases = [c for c in all_cases(a) if a.filter.search(c.name)]
     if not cases:
         sys.exit(f"frames.py: --filter '{a.filter.pattern}' matches no case; --list shows them")
     if a.list:
         print("\n".join(c.name for c in cases))
         return
-    if not os.access(a.whitted, os.X_OK):
-        sys.exit(f"frames.py: {a.whitted}: not there; meson setup build && ninja -C build")
+    parser.check_whitted(a)
     rows, known, failed = [], {}, 0
-    try:
-        out = open(a.csv, "w", newline="") if a.csv else open(os.devnull, "w")
-    except OSError as e:
-        sys.exit(f"frames.py: {a.csv}: {e.strerror}")
-    with out:
+    with parser.open_csv(a) as out:
         writer = csv.DictWriter(out, COLUMNS, extrasaction="ignore")
         writer.writeheader()
         for case in cases:
-            lacking = case.missing(a)
+            lacking = missing_file(a, case.scene)
             if lacking:
-                print(f"frames.py: {case.name}: left out, {os.path.join(a.scenes, lacking)} is not there", file=sys.stderr)
+                print(f"frames.py: {case.name}: left out, {lacking} is not there", file=sys.stderr)
                 continue
             try:
                 rows.append(measure(a, case, known, rows))

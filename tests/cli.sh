@@ -199,7 +199,7 @@ printf '%s\n' ply 'format ascii 1.0' 'element vertex 3' 'property float x' 'prop
 options=(size:size spp:one vpls:zero env:text env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
     visibility:choice select:positive ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
     refine-above:float cache-mb:one shared:flag store:choice hash:choice compare:flag runs:one threads:zero seed:seed output:text
-    picture:text half:flag tiles:flag json:text quiet:flag)
+    picture:text reference:text half:flag tiles:flag json:text quiet:flag)
 
 good --help
 [[ ! -s stderr ]] || problem "--help writes to standard error"
@@ -332,6 +332,23 @@ for file in missing.hdr missing.exr garbage.hdr garbage.exr header.exr empty.glb
 done
 finish "environment maps that are missing or damaged are refused"
 
+quiet=(cornell "${tiny[@]}" --quiet)
+good "${quiet[@]}" -o small.exr
+LC_ALL=C sed 's/R\x00\x02\x00\x00\x00/Q\x00\x02\x00\x00\x00/' small.exr >queer.exr
+head -c 400 small.exr >short.exr
+for file in missing.exr garbage.exr header.exr short.exr empty.glb folder garbage.hdr; do
+    clean_failure 1 "$file" "${quiet[@]}" --reference "$file" -o out/x.exr --json out/x.json
+done
+clean_failure 1 "channels R, G, B" "${quiet[@]}" --reference queer.exr
+clean_failure 1 "32x18 pixels, the image 18x32" "${quiet[@]}" --size 18x32 --reference small.exr
+# before rendering, and before the scene is read
+begin=$(date +%s)
+clean_failure 1 small.exr atrium --size 1920x1080 --spp 4096 --reference small.exr
+clean_failure 1 small.exr missing.glb --reference small.exr
+(($(date +%s) - begin < 10)) || problem "refused after rendering"
+rm small.exr
+finish "references that are missing, damaged, of other size or channels are refused before rendering"
+
 for option in -o --picture --json; do
     name=x.png
     [[ $option == --json ]] && name=x.json
@@ -462,6 +479,35 @@ read_json shared.json
     problem "shared: ${figure[mode_run.cache_bytes]-} bytes, one per thread: $own"
 finish "--shared uses one cache"
 
+one=(cornell "${tiny[@]}" --threads 1 --spp 2)
+errors=(l_inf rel_mse p999 max)
+quiet_good "${one[@]}" -o mode.exr
+quiet_good "${one[@]}" --reference mode.exr --json self.json
+read_json self.json
+figure_is reference.file '"mode.exr"'
+for key in "${errors[@]}"; do figure_is "reference.mode_run.$key" 0; done
+[[ ! ${figure[reference.exact.l_inf]+set} ]] || problem "an error of an exact frame that was not rendered"
+quiet_good "${one[@]}" --reference mode.exr --seed 1 --json other.json
+read_json other.json
+for key in "${errors[@]}"; do
+    [[ ${figure[reference.mode_run.$key]-0} =~ ^[0-9.e-]*[1-9] ]] || problem "another seed makes no $key"
+done
+quiet_good "${one[@]}" --reference mode.exr --compare --json both.json
+read_json both.json
+figure_is reference.mode_run.l_inf 0
+# the same two images, but for the part of them that is the reference
+[[ ${figure[reference.exact.l_inf]-0} != 0 && ${figure[error.l_inf_whole]-0} != 0 ]] || problem "exact is not measured"
+good "${one[@]}" --reference mode.exr
+[[ $(lines stdout) -eq 3 && $(tail -n 1 stdout) == "reference "*" cache C_E 8: l_inf 0.000 %   relMSE 0 "* &&
+    ! -s stderr ]] || problem "no line of the reference: $(tail -n 1 stdout)"
+good "${one[@]}" --reference mode.exr --compare
+[[ $(lines stdout) -eq 6 && $(tail -n 1 stdout) == "reference "*" exact: l_inf "*" cache C_E 8: l_inf 0.000 %"* ]] ||
+    problem "no line of both frames: $(tail -n 1 stdout)"
+quiet_good "${one[@]}" --json none.json
+read_json none.json
+[[ ! ${figure[reference.file]+set} ]] || problem "a reference that was not given"
+finish "--reference gives the error of each frame against a file"
+
 for hash in split lcg-pair lcg-xorshift; do
     quiet_good cornell "${tiny[@]}" --hash "$hash" --compare --json hash.json
     read_json hash.json
@@ -534,7 +580,8 @@ if ! env --default-signal=INT true 2>/dev/null; then
 else
     mkdir signal
     # many small tiles
-    start cornell --size 1280x720 --spp 2 --threads 1 -o signal/x.exr -o signal/x.png --json signal/x.json --quiet
+    "$whitted" cornell --size 1280x720 --vpls 0 --quiet -o large.exr
+    start cornell --size 1280x720 --spp 2 --threads 1 --reference large.exr -o signal/x.exr -o signal/x.png --json signal/x.json --quiet
     kill -INT "$child"
     reap
     [[ $rc -eq 130 ]] || problem "exit $rc instead of 130 ($said)"
@@ -545,6 +592,7 @@ else
     is_png signal/x.png
     read_json signal/x.json
     figure_is complete false
+    [[ ! ${figure[reference.mode_run.l_inf]+set} ]] || problem "half a frame is compared with the reference"
     quiet_good cornell "${tiny[@]}" --env signal/x.exr
     finish "SIGINT ends rendering and what is done is written"
 

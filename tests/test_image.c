@@ -232,6 +232,31 @@ static void hdr_is_read(void **state)
     empty_folder();
 }
 
+static void references_have_three_colours(void **state)
+{
+    (void)state;
+    image a = noise(5, 4), b;
+    assert_true(save_rgb(in_folder("a.exr"), &a, (exr_options){0}));
+    assert_true(image_load_exr(in_folder("a.exr"), &b, &err));
+    assert_memory_equal(a.pixels, b.pixels, 20 * sizeof(rgb));
+    image_free(&b);
+    const exr_channel two[] = {{"R", &a.pixels[0].x, 3}, {"G", &a.pixels[0].y, 3}, {"Y", &a.pixels[0].z, 3}};
+    assert_true(exr_save(in_folder("a.exr"), 5, 4, two, 3, NULL, 0, (exr_options){0}, &err));
+    assert_true(image_load(in_folder("a.exr"), &b, &err));
+    image_free(&b);
+    assert_false(image_load_exr(in_folder("a.exr"), &b, &err));
+    assert_non_null(strstr(err.text, "a.exr: it lacks one of the channels R, G, B"));
+    assert_null(b.pixels);
+    static const char hdr[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\nabcd";
+    put_bytes(in_folder("a.hdr"), hdr, sizeof hdr - 1);
+    assert_true(image_load(in_folder("a.hdr"), &b, &err));
+    image_free(&b);
+    assert_false(image_load_exr(in_folder("a.hdr"), &b, &err));
+    assert_non_null(strstr(err.text, "not an OpenEXR file"));
+    image_free(&a);
+    empty_folder();
+}
+
 /* stb_image as a second opinion on whole files. */
 static void sample_maps_agree_with_stb(void **state)
 {
@@ -321,6 +346,7 @@ int main(void)
         cmocka_unit_test(exr_variants_are_read),
         cmocka_unit_test(exr_windows_are_honoured),
         cmocka_unit_test(hdr_is_read),
+        cmocka_unit_test(references_have_three_colours),
         cmocka_unit_test(sample_maps_agree_with_stb),
         cmocka_unit_test(png_is_srgb),
     };

@@ -19,6 +19,7 @@ typedef struct reader {
     exr_attr_box2i_t data, display;
     int plane[3]; /* channel index of R, G, B; three times that of Y in a grey picture */
     int channel_count;
+    bool grey; /* may be */
     exr_compression_t compression;
     float *scratch; /* decoded planes of one chunk */
     size_t scratch_size;
@@ -93,6 +94,8 @@ static bool find_channels(reader *r, message *err)
     }
     if (r->plane[0] >= 0 && r->plane[1] >= 0 && r->plane[2] >= 0)
         return true;
+    if (!r->grey)
+        return fail(err, "it lacks one of the channels R, G, B");
     if (grey < 0 || chroma)
         return fail(err, "it has neither the channels R, G, B nor a luminance Y alone");
     r->plane[0] = r->plane[1] = r->plane[2] = grey;
@@ -233,7 +236,7 @@ static bool decode_picture(reader *r, message *err)
     return storage == EXR_STORAGE_TILED ? decode_tiles(r, err) : decode_scanlines(r, err);
 }
 
-bool exr_decode(const unsigned char *bytes, size_t size, image *out, message *err)
+bool exr_decode(const unsigned char *bytes, size_t size, bool grey, image *out, message *err)
 {
     source s = {.bytes = bytes, .size = size};
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -244,7 +247,7 @@ bool exr_decode(const unsigned char *bytes, size_t size, image *out, message *er
     init.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
 
     *out = (image){0};
-    reader r = {.out = out};
+    reader r = {.grey = grey, .out = out};
     if (exr_start_read(&r.context, "memory", &init) != EXR_ERR_SUCCESS)
         return fail(err, "the OpenEXR header is damaged (%s)", s.first.text[0] ? s.first.text : "no reason given");
     s.first.text[0] = '\0';

@@ -185,7 +185,7 @@ static unsigned char *read_all(const char *path, size_t *size, message *err)
     return data;
 }
 
-bool image_load(const char *path, image *out, message *err)
+static bool load(const char *path, bool exr_alone, image *out, message *err)
 {
     *out = (image){0};
     size_t size = 0;
@@ -195,11 +195,23 @@ bool image_load(const char *path, image *out, message *err)
     message why = {""};
     bool good;
     if (size >= 4 && memcmp(data, "\x76\x2f\x31\x01", 4) == 0)
-        good = exr_decode(data, size, out, &why);
+        good = exr_decode(data, size, !exr_alone, out, &why);
+    else if (exr_alone)
+        good = fail(&why, "not an OpenEXR file");
     else if (size >= 2 && memcmp(data, "#?", 2) == 0)
         good = hdr_decode(data, size, out, &why);
     else
         good = fail(&why, "neither a Radiance (.hdr) nor an OpenEXR file");
     free(data);
     return good ? true : fail(err, "cannot read %s: %.400s", path, why.text);
+}
+
+bool image_load(const char *path, image *out, message *err)
+{
+    return load(path, false, out, err);
+}
+
+bool image_load_exr(const char *path, image *out, message *err)
+{
+    return load(path, true, out, err);
 }

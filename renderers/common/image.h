@@ -18,9 +18,11 @@ typedef struct image {
 image image_new(uint32_t width, uint32_t height); /* black */
 void image_free(image *i);
 
-/* Reads .hdr (Radiance RGBE) or .exr (scan lines or tiles, none/RLE/ZIP/ZIPS/PIZ/PXR24/B44; half, float or uint R, G, B or
- * luminance Y). On failure *out is empty and err says in one line what is wrong. */
+/* Reads .hdr (Radiance RGBE) or .exr (scan lines or tiles, none/RLE/ZIP/ZIPS/PIZ/PXR24/B44; half, float or uint R, G, B
+ * or luminance Y). On failure *out is empty and err says in one line what is wrong. */
 bool image_load(const char *path, image *out, message *err);
+/* The same for OpenEXR files with R, G, B alone: what other images are measured against must not be grey by mistake. */
+bool image_load_exr(const char *path, image *out, message *err);
 
 /* --- EXR out: named layers of float channels, metadata as string/float/int attributes --- */
 typedef struct exr_channel {

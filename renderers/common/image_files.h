@@ -11,7 +11,8 @@
 /* As image_new, but false with a message instead of an exit: for sizes that a file claims. */
 bool image_new_checked(uint64_t width, uint64_t height, image *out, message *err);
 
-/* Decodes a whole OpenEXR file held in memory. The message does not name the file. On failure *out is empty. */
-bool exr_decode(const unsigned char *bytes, size_t size, image *out, message *err);
+/* Decodes a whole OpenEXR file held in memory; `grey`: a luminance alone will do. The message does not name the file.
+ * On failure *out is empty. */
+bool exr_decode(const unsigned char *bytes, size_t size, bool grey, image *out, message *err);
 
 #endif

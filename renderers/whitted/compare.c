@@ -148,6 +148,15 @@ bool comparison_run(const view *v, int runs, bool quiet, comparison *out, messag
     return ok;
 }
 
+void comparison_reference(comparison *c, const char *file, const image *reference)
+{
+    c->reference = file;
+    if (c->exact_frame.complete)
+        c->exact_reference = image_compare(&c->exact_frame.image, reference);
+    if (c->mode_frame.complete)
+        c->mode_reference = image_compare(&c->mode_frame.image, reference);
+}
+
 void comparison_free(comparison *c)
 {
     frame_free(&c->exact_frame);
@@ -203,6 +212,46 @@ static void print_heading(const comparison *c, FILE *out)
     fputc('\n', out);
 }
 
+/* The chosen visibility beside the exact one. */
+static void print_pair(const comparison *c, FILE *out)
+{
+    const frame *e = &c->exact_frame, *m = &c->mode_frame;
+    double low, high, ratio = comparison_ratio(c, false, &low, &high);
+    fprintf(out, "%-14s frame %8.2f x ", "speed-up", ratio);
+    if (c->runs > 1)
+        fprintf(out, "(%.2f ... %.2f in %d pairs)", low, high, c->runs);
+    double shade = comparison_ratio(c, true, &low, &high);
+    fprintf(out, "  shading %8.2f x   shadow rays %15.2f x\n", shade,
+            m->rays.traced ? (double)e->rays.traced / (double)m->rays.traced : 1.0);
+    fprintf(out, "difference     l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f",
+            100.0 * c->lit.l_inf, 100.0 * c->whole.l_inf, c->lit.rel_mse, c->lit.p999, c->lit.max);
+    if (c->mispredicted >= 0.0)
+        fprintf(out, "   mispredicted %.3f %%", 100.0 * c->mispredicted);
+    fputc('\n', out);
+}
+
+static void print_error(FILE *out, const char *name, const image_error *e)
+{
+    fprintf(out, " %s: l_inf %.3f %%   relMSE %.3g   p99.9 %.3f   max %.3f", name, 100.0 * e->l_inf, e->rel_mse,
+            e->p999, e->max);
+}
+
+/* `name`: of the chosen visibility. */
+static void print_reference(const comparison *c, const char *name, FILE *out)
+{
+    bool exact = c->exact_frame.complete, mode = c->mode_frame.complete;
+    if (!c->reference || (!exact && !mode))
+        return;
+    fprintf(out, "%-14s", "reference");
+    if (exact)
+        print_error(out, "exact", &c->exact_reference);
+    if (exact && mode)
+        fputs("  ", out);
+    if (mode)
+        print_error(out, name, &c->mode_reference);
+    fputc('\n', out);
+}
+
 void comparison_print(const comparison *c, FILE *out)
 {
     const settings *f = &c->view->settings;
@@ -219,20 +268,9 @@ void comparison_print(const comparison *c, FILE *out)
         print_frame(out, "exact", c->runs ? comparison_median(c->exact, c->runs) : times_of(e), e);
     if (frame_begun(m))
         print_frame(out, name, c->runs ? comparison_median(c->mode, c->runs) : times_of(m), m);
-    if (c->runs == 0)
-        return;
-    double low, high, ratio = comparison_ratio(c, false, &low, &high);
-    fprintf(out, "%-14s frame %8.2f x ", "speed-up", ratio);
-    if (c->runs > 1)
-        fprintf(out, "(%.2f ... %.2f in %d pairs)", low, high, c->runs);
-    double shade = comparison_ratio(c, true, &low, &high);
-    fprintf(out, "  shading %8.2f x   shadow rays %15.2f x\n", shade,
-            m->rays.traced ? (double)e->rays.traced / (double)m->rays.traced : 1.0);
-    fprintf(out, "difference     l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f",
-            100.0 * c->lit.l_inf, 100.0 * c->whole.l_inf, c->lit.rel_mse, c->lit.p999, c->lit.max);
-    if (c->mispredicted >= 0.0)
-        fprintf(out, "   mispredicted %.3f %%", 100.0 * c->mispredicted);
-    fputc('\n', out);
+    if (c->runs > 0)
+        print_pair(c, out);
+    print_reference(c, name, out);
 }
 
 /* ------------------------------------------------------------------------------------------------------- files */

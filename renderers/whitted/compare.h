@@ -19,9 +19,11 @@ typedef struct comparison {
     const view *view;
     int runs; /* complete pairs of frames, each with its times; 0: there is nothing to compare */
     times exact[RUNS_MAX], mode[RUNS_MAX];
-    frame exact_frame, mode_frame; /* the last complete pair; without one what was begun, else empty */
-    image_error lit, whole;        /* over shadow-tested radiance, and with what is seen directly */
-    double mispredicted;           /* share of the asked; < 0: unknown */
+    frame exact_frame, mode_frame;               /* the last complete pair; without one what was begun, else empty */
+    image_error lit, whole;                      /* over shadow-tested radiance, and with what is seen directly */
+    double mispredicted;                         /* share of the asked; < 0: unknown */
+    const char *reference;                       /* file; NULL: none */
+    image_error exact_reference, mode_reference; /* of whole images against it, where their frame is complete */
 } comparison;
 
 /* Names of the values of options, NULL-terminated. */
@@ -35,6 +37,8 @@ extern const char *const mode_names[VISIBILITY_MODES];
 bool comparison_run(const view *v, int runs, bool quiet, comparison *out, message *err);
 /* The chosen visibility alone. */
 bool comparison_single(const view *v, bool quiet, comparison *out, message *err);
+/* Errors of the frames that are complete against `reference`, read from `file`. */
+void comparison_reference(comparison *c, const char *file, const image *reference);
 void comparison_free(comparison *c);
 bool frame_begun(const frame *f);
 /* The frame that is to be kept: the chosen visibility's, if it was begun. */

@@ -71,6 +71,26 @@ static void add_scene(cJSON *j, const comparison *c)
     cJSON_AddBoolToObject(j, "complete", m->complete && (c->runs > 0 || !frame_begun(&c->exact_frame)));
 }
 
+static void add_reference_error(cJSON *reference, const char *name, const frame *f, const image_error *e)
+{
+    if (!f->complete)
+        return;
+    cJSON *j = cJSON_AddObjectToObject(reference, name);
+    number(j, "l_inf", e->l_inf);
+    number(j, "rel_mse", e->rel_mse);
+    number(j, "p999", e->p999);
+    number(j, "max", e->max);
+}
+
+/* Frames as they are named in the whole; none where nothing is complete. */
+static void add_reference(cJSON *j, const comparison *c)
+{
+    cJSON *reference = cJSON_AddObjectToObject(j, "reference");
+    cJSON_AddStringToObject(reference, "file", c->reference);
+    add_reference_error(reference, "exact", &c->exact_frame, &c->exact_reference);
+    add_reference_error(reference, "mode_run", &c->mode_frame, &c->mode_reference);
+}
+
 static bool text_save(const char *path, const char *text, message *err)
 {
     atomic_file f;
@@ -121,6 +141,8 @@ bool comparison_json(const comparison *c, const char *path, message *err)
             cJSON_AddItemToArray(frames, cJSON_CreateNumber(c->exact[i].frame_s / c->mode[i].frame_s));
         number(s, "rays", m->rays.traced ? (double)c->exact_frame.rays.traced / (double)m->rays.traced : 1.0);
     }
+    if (c->reference)
+        add_reference(j, c);
     char *text = cJSON_Print(j);
     cJSON_Delete(j);
     if (!text)

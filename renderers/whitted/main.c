@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 typedef struct arguments {
-    const char *scene, *env, *json, *picture;
+    const char *scene, *env, *json, *picture, *reference;
     option_size size;
     option_list outputs;
     float look[7]; /* the last is NaN where it is not given */
@@ -64,7 +64,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "", .metavar = "EX,EY,EZ,AX,AY,AZ,FOV",
          .help = "camera at E that looks at A, vertical FOV in degrees"},
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
-         .shown = "cache; with --select estimate", .help = "how shadows are decided"},
+         .metavar = "MODE", .shown = "cache", .help = "how shadows are decided: exact, cache or estimate"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
          .shown = "all; estimate 96 / spp, 1 or more", .help = "lights drawn per eye path"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
@@ -101,6 +101,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .help = "image to write: .exr with all layers, or .png (repeatable)"},
         {.name = "picture", .kind = OPTION_STRING, .value = &a->picture, .metavar = "FILE",
          .help = "with --compare: exact, chosen and 8 x error in one .png"},
+        {.name = "reference", .kind = OPTION_STRING, .value = &a->reference, .metavar = "FILE",
+         .help = "print the error against this .exr as well"},
         {.name = "half", .kind = OPTION_FLAG, .value = &a->half, .help = "16-bit floats in .exr"},
         {.name = "tiles", .kind = OPTION_FLAG, .value = &a->tiles, .help = "tiles instead of scan lines in .exr"},
         {.name = "json", .kind = OPTION_STRING, .value = &a->json, .metavar = "FILE",
@@ -209,10 +211,25 @@ static bool check_targets(const arguments *a, message *err)
 
 static bool check_memory(const arguments *a, message *err)
 {
-    double needed = (double)comparison_bytes(&a->settings, a->compare, a->runs), budget = (double)memory_budget();
+    double needed = (double)comparison_bytes(&a->settings, a->compare, a->runs);
+    if (a->reference)
+        needed += (double)a->size.width * a->size.height * (double)sizeof(rgb);
+    double budget = (double)memory_budget();
     return needed <= budget ||
            fail(err, "--size %ux%u: the images need %.3g GiB, more than half of this machine's memory, %.3g GiB",
                 a->size.width, a->size.height, needed * 0x1p-30, budget * 0x1p-30);
+}
+
+/* Before all that takes long. */
+static bool load_reference(const arguments *a, image *out, message *err)
+{
+    if (!a->reference)
+        return true;
+    if (!image_load_exr(a->reference, out, err))
+        return false;
+    return (out->width == a->size.width && out->height == a->size.height) ||
+           fail(err, "%s: the reference has %ux%u pixels, the image %ux%u", a->reference, out->width, out->height,
+                a->size.width, a->size.height);
 }
 
 /* A word that is neither the name of a built-in scene nor looks like a file. */
@@ -279,12 +296,14 @@ static bool write_files(const arguments *a, const comparison *c, message *err)
     return !a->json || comparison_json(c, a->json, err);
 }
 
-static bool run(const arguments *a, view *v, message *err)
+static bool run(const arguments *a, view *v, const image *reference, message *err)
 {
     comparison c;
     int runs = a->runs ? a->runs : 1;
     bool ok = a->compare ? comparison_run(v, runs, a->quiet, &c, err) : comparison_single(v, a->quiet, &c, err);
     if (ok) {
+        if (a->reference)
+            comparison_reference(&c, a->reference, reference);
         if (!a->quiet)
             comparison_print(&c, a->json && strcmp(a->json, "-") == 0 ? stderr : stdout);
         if (a->compare && c.runs == 0)
@@ -332,8 +351,10 @@ int main(int argc, char *argv[])
     scene *s = NULL;
     tracer *t = NULL;
     emitters *e = NULL;
-    bool ok = check_memory(&a, &err) && check_targets(&a, &err) && load_scene(&a, &s, &err) &&
-              choose_camera(&a, s, &v.camera, &err) && tracer_create(s, v.settings.threads, &t, &err);
+    image reference = {0};
+    bool ok = check_memory(&a, &err) && check_targets(&a, &err) && load_reference(&a, &reference, &err) &&
+              load_scene(&a, &s, &err) && choose_camera(&a, s, &v.camera, &err) &&
+              tracer_create(s, v.settings.threads, &t, &err);
     if (ok) {
         if (v.settings.ce_delta < 0.0f)
             v.settings.ce_delta = hard_shadow_ce(s, &v.settings);
@@ -345,12 +366,13 @@ int main(int argc, char *argv[])
         const float high[3] = {s->bounds_max.x, s->bounds_max.y, s->bounds_max.z};
         memcpy(v.settings.cache.bounds_min, low, sizeof low);
         memcpy(v.settings.cache.bounds_max, high, sizeof high);
-        if (a.outputs.count == 0 && !a.picture && !a.json && !a.compare)
+        if (a.outputs.count == 0 && !a.picture && !a.json && !a.compare && !a.reference)
             notice("no --output: the image will not be kept");
-        ok = run(&a, &v, &err) && flush_output(&err);
+        ok = run(&a, &v, &reference, &err) && flush_output(&err);
     }
     if (!ok)
         fprintf(stderr, "whitted: %s\n", err.text);
+    image_free(&reference);
     emitters_free(e);
     tracer_free(t);
     scene_free(s);
