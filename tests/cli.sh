@@ -241,6 +241,9 @@ clean_failure 2 "x.exr" cornell --compare --picture out/x.exr
 for look in 0,0,0,0,0,0,50 1,2,3,1,2,3,50 0,0,0,0,0,1,0 0,0,0,0,0,1,180 0,0,0,0,0,1,-5 0,0,0,0,0,0,0; do
     clean_failure 2 "--look" cornell "--look=$look" -o out/x.exr
 done
+clean_failure 2 "--select does without" cornell --select 4 --visibility exact --store words
+clean_failure 2 "--select does without" cornell --select 4 --visibility cache --ce-delta 8
+clean_failure 2 "--visibility estimate does without" cornell --select 4 --store words
 clean_failure 1 "65535x65535" cornell --size 65535x65535 -o out/x.exr
 finish "options that do not fit together are refused"
 
@@ -463,6 +466,23 @@ figure_is mode_run.rays_traced "${figure[mode_run.rays_asked]-}"
 figure_is exact.rays "${figure[mode_run.rays_asked]-}"
 figure_is speedup.rays 1
 finish "exact visibility does not differ from exact visibility"
+
+# --- lights drawn ---
+
+for pair in ':estimate' '--visibility=estimate:estimate' '--visibility=exact:selection' \
+    '--visibility=cache:cached selection'; do
+    quiet_good cornell "${tiny[@]}" --vpls 200 --select 3 ${pair%%:*} --compare --json drawn.json
+    read_json drawn.json
+    figure_is mode "\"${pair#*:}\""
+    figure_is served "\"${pair#*:}\""
+    figure_is select 3
+    ((${figure[mode_run.rays_traced]:-0} < ${figure[exact.rays]:-0} / 10)) || problem "$pair: many rays"
+done
+quiet_good cornell "${tiny[@]}" --vpls 10 --select 3 --visibility exact --compare --json drawn.json
+read_json drawn.json
+figure_is served '"exact"'
+figure_is error.l_inf 0
+finish "lights are drawn in three ways"
 
 quiet_good cornell "${tiny[@]}" --compare --runs 2 --json runs.json
 read_json runs.json
