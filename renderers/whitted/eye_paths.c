@@ -12,7 +12,6 @@ enum { DEPTH_MAX = 10 };
 /* A primary ray on its way, and what follow() needs to know of it. */
 typedef struct primary {
     uint32_t pixel;
-    float stratum;
     uint64_t random;
     float spread;
     bool first; /* of its pixel */
@@ -23,7 +22,6 @@ typedef struct path {
     eye_samples *first, *late; /* late: behind specular surfaces */
     tile_pixels *pixels;
     uint32_t pixel;
-    float stratum;
     uint64_t random;
     float spread; /* of the pixel's cone: its width per unit of distance */
     float share;  /* of a sample in the pixel */
@@ -63,7 +61,7 @@ static void arrive(path *p, const surface *s, rgb weight, float width, int depth
         }
         return;
     }
-    eye_sample e = {.surface = *s, .weight = weight, .pixel = p->pixel, .stratum = p->stratum};
+    eye_sample e = {.surface = *s, .weight = weight, .pixel = p->pixel};
     e.origin = surface_offset(s, s->geometric_normal);
     e.density = vcache_density_cone(width, fabsf(v3_dot(s->geometric_normal, s->wo)), (float)v->settings.spp);
     eye_samples *list = depth == 0 ? p->first : p->late;
@@ -99,7 +97,6 @@ static void trace_waiting(path *p)
     for (uint32_t k = 0; k < p->count; k++) {
         const primary *w = &p->waiting[k];
         p->pixel = w->pixel;
-        p->stratum = w->stratum;
         p->random = w->random;
         p->spread = w->spread;
         if (!(found >> k & 1u)) {
@@ -155,7 +152,7 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
             continue;
         uint64_t index = (uint64_t)(t.y + y) * f->width + t.x + x;
         rng shift = rng_make(f->seed, index);
-        float shift_x = rng_float(&shift), shift_y = rng_float(&shift), shift_stratum = rng_float(&shift);
+        float shift_x = rng_float(&shift), shift_y = rng_float(&shift);
         for (int i = 0; i < count; i++) {
             /* Halton points, shifted at random in each pixel; one sample alone stands in the middle. */
             float u = 0.5f, w = 0.5f;
@@ -170,7 +167,6 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
             float length = v3_length(direction);
             send(&p, v3_scale(direction, 1.0f / length),
                  (primary){.pixel = y * TILE + x,
-                           .stratum = fraction(shift_stratum + (float)(first + i) / (float)f->spp),
                            .random = index * (uint64_t)f->spp + (uint64_t)(first + i),
                            .spread = pixel / (length * sqrtf(length)),
                            .first = first + i == 0});

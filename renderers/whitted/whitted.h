@@ -96,7 +96,6 @@ typedef struct eye_sample {
     rgb weight;      /* of radiance towards wo in the pixel */
     float density;   /* eye samples per unit area */
     uint32_t pixel;  /* in the tile */
-    float stratum;   /* uniform in [0, 1), spread evenly over the paths of a pixel */
     uint64_t random; /* index of its random numbers */
 } eye_sample;
 
