@@ -11,7 +11,7 @@
 
 #include <pthread.h>
 
-enum { ENDS = 6, DRAWS = 2400, THREADS_MAX = 4 };
+enum { ENDS = 6, DRAWS = 1200, THREADS_MAX = 4 };
 
 typedef enum flaw {
     RIGHT,

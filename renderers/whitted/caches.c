@@ -70,16 +70,20 @@ bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err)
     const settings *f = &v->settings;
     /* The budget goes to who needs it: most to the virtual point lights, the table only where it is asked. */
     bool estimate = f->visibility == VISIBILITY_ESTIMATE;
-    bool punctual = f->ce_delta > 0.0f && v->scene->light_count > 0, sampled = f->ce_samples > 0.0f && !estimate;
+    bool punctual = f->ce_delta > 0.0f && v->scene->light_count > 0,
+         sampled = estimate ? roulette_serves(v) : f->ce_samples > 0.0f;
     uint64_t budget = f->cache.table_bytes, part = f->words ? 0 : budget / 8;
     vcache_config config = f->cache;
     if (!f->words || estimate)
         config.table_bytes = sampled ? part * 2 : 4;
+    if (estimate)
+        config.levels = 1; /* no more is looked at */
     char text[VCACHE_MESSAGE_BYTES];
     memset(out, 0, sizeof *out);
     vcache_status status = vcache_create(&config, &out->table, text);
     if (status == VCACHE_OK && estimate) {
-        status = all_new(v, vpls, budget, out, text);
+        if (estimator_pays(v, vpls))
+            status = all_new(v, vpls, budget - (sampled ? part * 2 : 0), out, text);
     } else if (status == VCACHE_OK) {
         out->virtual_ends = virtual_ends(v, vpls, out->table);
         out->punctual_ends = punctual_ends(v->scene, out->table);

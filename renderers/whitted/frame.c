@@ -79,7 +79,7 @@ static void sort_samples(const job *j, station *s)
         s->order_capacity = 2 * n;
         s->order = xrealloc(s->order, s->order_capacity * sizeof *s->order);
     }
-    if (j->mode == VISIBILITY_EXACT || s->aside) {
+    if (j->mode == VISIBILITY_EXACT || s->aside || (j->mode == VISIBILITY_ESTIMATE && !s->estimator)) {
         for (size_t i = 0; i < n; i++)
             s->order[i] = (uint32_t)i;
         return;
@@ -154,11 +154,11 @@ static void prepare_station(job *j, station *s)
 {
     tracer_thread_init();
     const caches *c = j->v->settings.shared ? &j->shared : &s->caches;
-    if (j->mode == VISIBILITY_ESTIMATE)
+    if (j->mode == VISIBILITY_ESTIMATE && c->all_set)
         s->estimator = estimator_new(j->v, j->vpls, c->all_set);
     s->lights = s->estimator ? &vpls_none : j->vpls; /* what is left to the chunk is exact then */
     chunk_new(&s->chunk, j->v, s->lights, s->estimator && estimator_punctual(j->v) ? 0 : j->v->scene->light_count);
-    s->visibility = visibility_new(j->v, s->lights, j->mode == VISIBILITY_CACHE ? c : NULL);
+    s->visibility = visibility_new(j->v, s->lights, j->mode != VISIBILITY_EXACT ? c : NULL);
     s->ready = true;
 }
 
@@ -275,7 +275,8 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         record->passes = xcalloc(record->pass_count, sizeof *record->passes);
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
-    j.mode = f->visibility == VISIBILITY_ESTIMATE && !estimator_pays(v, &vpls) ? VISIBILITY_EXACT : f->visibility;
+    bool estimates = roulette_serves(v) || estimator_pays(v, &vpls);
+    j.mode = f->visibility == VISIBILITY_ESTIMATE && !estimates ? VISIBILITY_EXACT : f->visibility;
     double ce = j.mode == VISIBILITY_EXACT ? 1.0 : (double)f->ce / sqrt(f->spp);
     halton_order(TILE, TILE, ce, order, starts, &segments);
     for (uint32_t i = 0; i < TILE * TILE; i++)

@@ -180,8 +180,8 @@ static bool check_usage(const arguments *a, message *err)
     const settings *s = &a->settings;
     if (a->select && s->visibility != VISIBILITY_ESTIMATE)
         return fail(err, "--select needs --visibility estimate");
-    if (s->visibility == VISIBILITY_ESTIMATE && (s->words || s->ce_delta > 0.0f || s->ce_samples > 0.0f))
-        return fail(err, "--visibility estimate does without --store words, --ce-delta and --ce-samples");
+    if (s->visibility == VISIBILITY_ESTIMATE && (s->words || s->ce_delta > 0.0f))
+        return fail(err, "--visibility estimate does without --store words and --ce-delta");
     if ((a->half || a->tiles) && !exr)
         return fail(err, "%s needs an .exr file to write", a->half ? "--half" : "--tiles");
     const float *l = a->look;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Which pairs of a chunk see each other: by packets of shadow rays, or by the visibility cache. */
+/* Which pairs of a chunk see each other: by packets of shadow rays, by the visibility cache, or by chance. */
 #include "whitted.h"
 
 #include <string.h>
@@ -10,6 +10,7 @@ struct visibility {
     const caches *caches; /* NULL: exact */
     ray_counts counts;
     ray_packet packet;
+    roulette *roulette; /* NULL: light samples are answered as the others are */
     /* cached */
     vcache_worker *worker;
     vcache_light *sampled; /* [CHUNK][samples], in the order in which they ask */
@@ -258,6 +259,14 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
         trace_uncached(o, c, LIGHTS_SAMPLED, pixels);
 }
 
+/* Of the other lights those that are left to the chunk, because an estimate of them would not pay. */
+static void resolve_estimated(visibility *o, chunk *c, tile_pixels *pixels)
+{
+    trace_uncached(o, c, LIGHTS_VIRTUAL, pixels);
+    trace_uncached(o, c, LIGHTS_PUNCTUAL, pixels);
+    o->counts.traced += roulette_resolve(o->roulette, c, pixels);
+}
+
 /* A missing ray and its bookkeeping cost some three rays of coherent packets. The longer it does not pay, the more
  * rarely it is tried again. */
 enum { ASIDE_ABOVE = 50, PATIENCE_MAX = 32 }; /* per cent; passes */
@@ -287,7 +296,9 @@ visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *use
     o->vpls = vpls;
     o->caches = used;
     packet_init(&o->packet);
-    if (!used)
+    if (used && roulette_serves(v))
+        o->roulette = roulette_new(v, used->table);
+    if (!used || v->settings.visibility == VISIBILITY_ESTIMATE)
         return o;
     o->eyes = xmalloc((size_t)3 * CHUNK * VCACHE_EYE_BYTES);
     uint32_t samples = direct_sample_count(v), words = (samples + 63) / 64;
@@ -306,6 +317,7 @@ void visibility_free(visibility *o)
 {
     if (!o)
         return;
+    roulette_free(o->roulette);
     vcache_worker_destroy(&o->worker);
     free(o->eyes);
     free(o->sampled);
@@ -318,7 +330,9 @@ void visibility_free(visibility *o)
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels)
 {
     o->counts.asked += count_asked(c, pixels);
-    if (o->caches && !o->aside)
+    if (o->roulette)
+        resolve_estimated(o, c, pixels);
+    else if (o->worker && !o->aside)
         resolve_cached(o, c, pixels);
     else
         resolve_exact(o, c, pixels);

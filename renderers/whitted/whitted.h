@@ -31,7 +31,8 @@ enum {
 typedef enum visibility_mode {
     VISIBILITY_EXACT,
     VISIBILITY_CACHE,
-    VISIBILITY_ESTIMATE /* virtual and punctual lights by few rays, the cache as control variate */
+    VISIBILITY_ESTIMATE /* virtual and punctual lights by few rays, the cache as control variate; light samples too
+                           where ce_samples > 0 */
 } visibility_mode;
 
 typedef struct settings {
@@ -220,7 +221,8 @@ typedef struct caches {
 bool caches_new(const view *v, const vpl_set *vpls, caches *out, message *err);
 void caches_free(caches *c);
 
-/* `used` is NULL for exact visibility. */
+/* `used` is NULL for exact visibility. For VISIBILITY_ESTIMATE, light samples are weighted by what is found or expected
+ * of them, and are all "visible". */
 visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *used);
 void visibility_free(visibility *o);
 /* Before each pass over a tile. True where it is to be exact: of what was asked of the cache last, so much had to be
@@ -230,7 +232,19 @@ bool visibility_steps_aside(visibility *o);
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
 
-/* -------------------------------------------------------------------------------------------- estimate (estimator.c) */
+/* ------------------------------------------------------------------------------------------- roulette (roulette.c) */
+
+/* One thread's means of estimating light samples without bias. */
+typedef struct roulette roulette;
+/* Whether light samples are to be estimated, and there are any. */
+bool roulette_serves(const view *v);
+roulette *roulette_new(const view *v, vcache *table);
+void roulette_free(roulette *o);
+/* Weights the light samples of the chunk and sets their visible bits; returns the number of rays. */
+uint64_t roulette_resolve(roulette *o, chunk *c, tile_pixels *pixels);
+
+/* -------------------------------------------------------------------------------------------- estimate (estimator.c)
+ */
 
 /* One thread's means of estimating the light of all virtual and punctual lights without bias. */
 typedef struct estimator estimator;
@@ -263,7 +277,7 @@ typedef struct frame {
     uint64_t cache_bytes, mispredicted, eye_samples;
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
-    bool complete; /* false where it was interrupted */
+    bool complete;          /* false where it was interrupted */
 } frame;
 
 /* `record` (NULL: none) takes down exact visibility; `check` counts the differences to it. */
