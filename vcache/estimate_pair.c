@@ -11,10 +11,11 @@
 /* Keeps keys of estimates from those of answers. */
 static const uint64_t salt = 0x6f5d0b8c2c9e4a71u;
 
-/* Jeffreys' prior of a share, Beta(1/2, 1/2): half a visible and half a blocked ray. It did best, or nearly, on
- * recorded rays of four scenes. There a second, finer cell took 3 to 4 % of the variance from two of them and added as
- * much to the other two's: not worth its memory access. With counts of at most 63 the mean stays off 0 and 1, so
- * that no pair is left out, however sure its cells are. */
+/* Jeffreys' prior of a share, Beta(1/2, 1/2): half a visible and half a blocked ray. With counts of at most 63 the mean
+ * stays off 0 and 1, so that no pair is left out, however sure its cells are. On recorded light samples of five scenes,
+ * priors of half and twice the weight were better in some and worse in others, and so was a second, finer cell whose
+ * prior is the first (variance at equal rays 21 % higher to 17 % lower): not worth its memory access. Counts of at most
+ * 15 would leave 7 to 28 % more. */
 static const float prior = 0.5f;
 
 static vcache_estimate estimate(vcache_worker *w, uint64_t key, float contribution)

@@ -9,8 +9,9 @@
 
 #include <string.h>
 
-/* Threshold of contributions, in means of them: of a sample of mean contribution that may be seen or not with equal
- * chance, half the times a ray is traced. */
+/* Contribution that is traced always if nothing is known, in means of what is expected of all samples: so the error
+ * that is added keeps to the light that is there, and not to what would be there without occluders. 1 cost 4 to 6 %
+ * more relative squared error than tracing all, 2 a fifth to a quarter. */
 static const double threshold = 1.0;
 
 struct roulette {
@@ -19,7 +20,7 @@ struct roulette {
     vcache_worker *worker;
     vcache_estimate *estimates; /* [CHUNK][samples] */
     uint64_t *drawn;            /* bits, as in pair_bits */
-    double sum, count;          /* of all contributions so far */
+    double sum, count;          /* of what was expected so far */
     ray_packet packet;
     uint32_t lanes;       /* that wait in the packet */
     size_t sample[GROUP]; /* of each of them */
@@ -59,7 +60,7 @@ void roulette_free(roulette *o)
     free(o);
 }
 
-/* What is expected of one sample, at a threshold that follows the mean contribution of all samples so far. */
+/* What is expected of one sample. The first has no threshold: 0 / 0, which is traced. */
 static vcache_estimate expect(roulette *o, const chunk *c, const vcache_eye *eye, size_t at)
 {
     const light_sample *s = &c->sampled[at];
@@ -72,9 +73,10 @@ static vcache_estimate expect(roulette *o, const chunk *c, const vcache_eye *eye
         vcache_prepare_solid_angle(o->table, end.position, end.density, 0, to);
     else
         vcache_prepare_patch(o->table, &end, to);
-    float value = luminance(s->value);
-    o->sum += (double)value, o->count += 1.0;
-    return vcache_estimate_pair(o->worker, eye, to, value * (float)(o->count / (threshold * o->sum)));
+    float value = luminance(s->value), unit = (float)(o->count / (threshold * o->sum));
+    vcache_estimate m = vcache_estimate_pair(o->worker, eye, to, value * unit);
+    o->sum += (double)(value * m.mean), o->count += 1.0;
+    return m;
 }
 
 /* Which samples of an eye sample to trace. Numbers of their own: independent of what drew the samples, and of all that
