@@ -230,6 +230,8 @@ clean_failure 2 "SCENE" ""
 finish "unknown options and stray arguments are refused"
 
 clean_failure 2 "--runs" cornell --runs 2
+clean_failure 2 "--ce-delta" cornell --visibility estimate --ce-delta 2
+clean_failure 2 "--store" cornell --visibility estimate --ce-samples 64 --store words
 clean_failure 2 "--half" cornell --half -o out/x.png
 clean_failure 2 "--tiles" cornell --tiles
 clean_failure 2 "--picture" cornell --picture out/x.png
@@ -475,6 +477,16 @@ for pair in 'ce 4' 'ce_delta 2' 'ce_samples 3' 'spp 2' 'cn 4' 'cz 4' 'cr 1.5' 'r
     figure_is "${pair% *}" "${pair#* }"
 done
 finish "every hash and every setting of the cache"
+
+quiet_good cornell "${tiny[@]}" --vpls 0 --visibility estimate --json few.json
+read_json few.json
+figure_is served '"exact"'
+quiet_good cornell "${tiny[@]}" --vpls 0 --visibility estimate --ce-samples 64 --json few.json
+read_json few.json
+figure_is served '"estimate"'
+[[ ${figure[mode_run.rays_traced]:-0} -lt ${figure[mode_run.rays_asked]:-0} ]] ||
+    problem "light samples: ${figure[mode_run.rays_traced]-} of ${figure[mode_run.rays_asked]-} rays"
+finish "--visibility estimate with --ce-samples traces fewer rays"
 
 # EXR and PNG carry times as text. Their pixels are in the second half of an EXR file; pictures carry no text.
 pixels() { tail -c "$pixel_bytes" "$1"; }

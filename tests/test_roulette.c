@@ -3,7 +3,7 @@
  * the same eye paths and light samples of a seed, so that their difference is the estimate's error alone. */
 #include "render_support.h"
 
-enum { SIZE = 24 };
+enum { SIZE = 12 };
 
 /* Lamp, sky, glass, gloss and boxes; 4 samples an eye sample. */
 static stage boxes(int vpls, float ce, uint64_t bytes)
@@ -84,11 +84,11 @@ static void light_samples(void **state)
 {
     (void)state;
     for (int vpls = 0; vpls <= 100; vpls += 10 + 80 * (vpls > 0))
-        for (float ce = 2.0f; ce < 100.0f; ce *= 6.0f) {
+        for (float ce = 2.0f; ce < 100.0f; ce *= 32.0f) {
             stage g = boxes(vpls, ce, 1 << 16);
             char what[64];
             snprintf(what, sizeof what, "%d virtual lights, C_E %g", vpls, (double)ce);
-            assert_false(biased(&g, 64, what));
+            assert_false(biased(&g, 48, what));
             stage_free(&g);
         }
 }
@@ -99,7 +99,7 @@ static void one_kind(void **state)
     for (int kind = 0; kind < 2; kind++) {
         stage g = boxes(0, 16.0f, 1 << 16);
         (kind ? &g.v.settings.env_samples : &g.v.settings.light_samples)[0] = 0;
-        assert_false(biased(&g, 64, kind ? "lamp" : "sky"));
+        assert_false(biased(&g, 48, kind ? "lamp" : "sky"));
         stage_free(&g);
     }
 }
@@ -120,8 +120,8 @@ static void samples_of_one_pixel(void **state)
     (void)state;
     stage g = boxes(0, 64.0f, 1 << 16);
     g.v.settings.width = g.v.settings.height = 1, g.v.camera.yfov = 0.3f;
-    g.v.settings.spp = 150;
-    assert_false(biased(&g, 1000, "one pixel"));
+    g.v.settings.spp = 80; /* two passes */
+    assert_false(biased(&g, 500, "one pixel"));
     stage_free(&g);
 }
 
@@ -130,8 +130,8 @@ static void threads_share(void **state)
     (void)state;
     stage g = boxes(100, 16.0f, 1 << 12);
     g.v.settings.threads = 3, g.v.settings.shared = true;
-    g.v.settings.width = g.v.settings.height = 70; /* more than a tile */
-    assert_false(biased(&g, 16, "threads"));
+    g.v.settings.width = g.v.settings.height = 40; /* more than a tile */
+    assert_false(biased(&g, 12, "threads"));
     stage_free(&g);
 }
 
