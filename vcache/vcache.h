@@ -389,17 +389,19 @@ VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error);
  * What is known of a pair of cells is how many of its rays were visible and how many blocked, in a word of the table of
  * vcache_add; both kinds of words share the table and never answer for each other, and vcache_clear clears both. Cells
  * are the unrefined ones of the eye end, or those of Eq. 6, and may be much larger than where the cache answers alone:
- * C_E of 32 to 64 left the least variance. Nothing is answered by the cache alone, so nearness needs no exception. */
+ * C_E of 32 to 64 left the least variance. (A cache for nothing else can have config.levels = 1: ends are prepared
+ * faster.) Nothing is answered by the cache alone, so nearness needs no exception. */
 typedef struct vcache_estimate {
     float mean;        /* m, in [0, 1] */
     float probability; /* p, in [0, 1]: a multiple of 2^-24, so that random numbers of 24 bits are exact enough */
     uint64_t key;      /* where the answer is learnt; 0: nowhere */
 } vcache_estimate;
 
-/* `contribution`: magnitude of f (its luminance, say) in units of a threshold that the host chooses: that contribution of
- * a pair which would be traced always if V deviated from m by 1. An unknown pair has m = 1/2 and deviation 1/2; the
- * surest have a deviation of 0.09, and f (V - m) / p is never above 12 thresholds. Not above 0: p = m = 0, nothing is to
- * be added. NaN or infinite, an end that cannot be quantized, a worker of exact mode: p = 1. */
+/* `contribution`: |f| (its luminance, say) over a threshold that the host chooses; p = contribution x deviation of V,
+ * or
+ * 1. The deviation of an unknown pair is 1/2 (as its m), that of the surest 0.09; |f (V - m) / p| is never above the
+ * larger of |f| and 12 thresholds. A contribution not above 0: p = m = 0, nothing is to be added. NaN or infinite, an
+ * end that cannot be quantized, a worker of exact mode: p = 1. Cannot fail. Threads: as all calls of a worker. */
 VCACHE_API vcache_estimate vcache_estimate_pair(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light,
                                                 float contribution);
 VCACHE_API vcache_estimate vcache_estimate_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light,
