@@ -13,8 +13,8 @@ typedef enum residence { IN_L2, IN_L3, IN_DRAM } residence;
 extern const char *const residence_names[]; /* "L2", "L3", "DRAM" */
 
 /* WORDS: a table of words with as many known pairs as it has words. ROWS: a light set with rows that are known in full.
- * EMPTY: both stores, nothing known. */
-typedef enum world_kind { WORLD_EMPTY, WORLD_WORDS, WORLD_ROWS } world_kind;
+ * TALLIES: the same table, of estimates. EMPTY: both stores, nothing known. */
+typedef enum world_kind { WORLD_EMPTY, WORLD_WORDS, WORLD_TALLIES, WORLD_ROWS } world_kind;
 
 typedef struct world_spec {
     world_kind kind;

@@ -173,6 +173,23 @@ static uint64_t run_learn(const micro_case *m, world *w, uint64_t steps)
     return steps;
 }
 
+/* Estimates of pairs; of those pushed out by others too, which costs the same. Variant: how many of 8 are learnt. */
+static uint64_t run_pairs(const micro_case *m, world *w, uint64_t steps)
+{
+    float sum = 0.0f;
+    for (uint64_t i = 0; i < steps; i++) {
+        const vcache_eye *eye = world_eye(w, m->levels, w->use[world_next(w)]);
+        for (uint32_t l = 0; l < MICRO_LIGHTS; l++) {
+            vcache_estimate e = vcache_estimate_pair(w->worker, eye, vcache_light_at(w->lights, l), 0.5f);
+            sum += e.mean + e.probability;
+            if (l % 8 < (uint32_t)m->variant)
+                vcache_learn_pair(w->worker, &e, VCACHE_VISIBLE);
+        }
+    }
+    micro_sink += (uint64_t)sum;
+    return steps * MICRO_LIGHTS;
+}
+
 /* ---------------------------------------------------------------------------------------------------------- misses */
 
 enum { MISS_SINGLE, MISS_BATCH, MISS_ROWS };
@@ -276,6 +293,16 @@ micro_case *cases_new(uint32_t isa, size_t *count)
     for (residence r = IN_L2; r <= IN_DRAM; r++)
         snprintf(append(&l, (world_spec){.where = r, .isa = VCACHE_ISA_ALL}, "eye end", run_learn, 1)->name,
                  sizeof l.items->name, "estimate/learn-new/%s", residence_names[r]);
+    for (residence r = IN_L2; r <= IN_DRAM; r++)
+        for (int learnt = 0; learnt <= 8; learnt += 4)
+            snprintf(append(&l, (world_spec){.kind = WORLD_TALLIES, .where = r, .isa = VCACHE_ISA_ALL}, "pair",
+                            run_pairs, learnt)
+                         ->name,
+                     sizeof l.items->name, "estimate/pair-%s/%s",
+                     learnt == 0   ? "only"
+                     : learnt == 4 ? "learn-half"
+                                   : "learn-all",
+                     residence_names[r]);
     for (residence r = IN_L2; r <= IN_DRAM; r++)
         for (vcache_hash h = VCACHE_HASH_SPLIT; h <= VCACHE_HASH_LCG_XORSHIFT; h++)
             for (int bundled = 0; bundled < (h == VCACHE_HASH_SPLIT ? 2 : 1); bundled++)

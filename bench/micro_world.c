@@ -148,6 +148,18 @@ static void touch_rows(world *w)
     }
 }
 
+/* One ray for each pair of an eye. */
+static void learn_pairs(world *w, const vcache_eye *eye)
+{
+    for (uint32_t l = 0; l < MICRO_LIGHTS; l++) {
+        const vcache_miss ray = {.light_user = l};
+        vcache_answer answer;
+        world_trace(NULL, &ray, 1, &answer);
+        vcache_estimate e = vcache_estimate_pair(w->worker, eye, vcache_light_at(w->lights, l), 1.0f);
+        vcache_learn_pair(w->worker, &e, answer);
+    }
+}
+
 static void fill(world *w)
 {
     uint64_t visible[MICRO_WORDS] = {0};
@@ -155,6 +167,8 @@ static void fill(world *w)
         const vcache_eye *eye = world_eye(w, LEVELS_1, i);
         if (w->spec.kind == WORLD_WORDS)
             vcache_query(w->worker, eye, w->lights, MICRO_LIGHTS, NULL, visible, world_trace, NULL);
+        else if (w->spec.kind == WORLD_TALLIES)
+            learn_pairs(w, eye);
         else
             for (uint32_t l = 0; l < MICRO_LIGHTS; vcache_resolve(w->worker, world_trace, NULL))
                 l = vcache_add_set(w->worker, eye, w->set, l, NULL, visible);
@@ -172,7 +186,8 @@ world *world_new(const world_spec *spec)
     w->spec = *spec;
     w->chosen = -1;
     bool rows = spec->kind == WORLD_ROWS;
-    uint64_t row = MICRO_LIGHTS / 4 + 64, set_bytes = row_bytes[spec->kind == WORLD_WORDS ? IN_L2 : spec->where];
+    uint64_t row = MICRO_LIGHTS / 4 + 64,
+             set_bytes = row_bytes[spec->kind == WORLD_WORDS || spec->kind == WORLD_TALLIES ? IN_L2 : spec->where];
     vcache_config config = vcache_default_config();
     config.hash = spec->hash;
     config.isa = spec->isa;

@@ -230,6 +230,8 @@ clean_failure 2 "SCENE" ""
 finish "unknown options and stray arguments are refused"
 
 clean_failure 2 "--runs" cornell --runs 2
+clean_failure 2 "--ce-delta" cornell --visibility estimate --ce-delta 2
+clean_failure 2 "--store" cornell --visibility estimate --ce-samples 64 --store words
 clean_failure 2 "--half" cornell --half -o out/x.png
 clean_failure 2 "--tiles" cornell --tiles
 clean_failure 2 "--picture" cornell --picture out/x.png

@@ -391,19 +391,59 @@ typedef struct vcache_budget {
  * should not be among them: it would be drawn always, and its weight says nothing of the error.) */
 VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error, float value, uint32_t samples);
 
+/* The same for pairs that nobody knows in advance: next-event estimation of a path tracer, connections of bidirectional
+ * paths. With f the pair's unoccluded contribution, m the visibility that the cache expects and p the probability of
+ * tracing it,
+ *
+ *     f (m + (V - m) / p)  where it is traced,     f m  where it is not
+ *
+ * has the expected value f V: Russian roulette (Arvo and Kirk 1990) around a control variate. m and p are fixed before
+ * the random number is drawn, so there is no bias whatever the cache holds, also while other threads write to it. p is
+ * in proportion to contribution x deviation of V from m, the least variance for a number of rays. For each pair:
+ *   1. e = vcache_estimate_pair(worker, eye, light, contribution);
+ *   2. random < e.probability: trace; sum += f * (e.mean + (V - e.mean) / e.probability);
+ *      vcache_learn_pair(worker, &e, V);
+ *   3. else sum += f * e.mean.
+ * `random`: uniform in [0, 1), independent of all that was learnt before the estimate, and of what drew the pair.
+ *
+ * What is known of a pair of cells is how many of its rays were visible and how many blocked, in a word of the table of
+ * vcache_add; both kinds of words share the table and never answer for each other, and vcache_clear clears both. Cells
+ * are the unrefined ones of the eye end, or those of Eq. 6, and may be much larger than where the cache answers alone:
+ * C_E of 32 to 64 left the least variance. (A cache for nothing else can have config.levels = 1: ends are prepared
+ * faster.) Nothing is answered by the cache alone, so nearness needs no exception. */
+typedef struct vcache_estimate {
+    float mean;        /* m, in [0, 1] */
+    float probability; /* p, in [0, 1]: a multiple of 2^-24, so that random numbers of 24 bits are exact enough */
+    uint64_t key;      /* where the answer is learnt; 0: nowhere */
+} vcache_estimate;
+
+/* `contribution`: |f| (its luminance, say) over a threshold that the host chooses; p = contribution x deviation of V,
+ * or
+ * 1. The deviation of an unknown pair is 1/2 (as its m), that of the surest 0.09; |f (V - m) / p| is never above the
+ * larger of |f| and 12 thresholds. A contribution not above 0: p = m = 0, nothing is to be added. NaN or infinite, an
+ * end that cannot be quantized, a worker of exact mode: p = 1. Cannot fail. Threads: as all calls of a worker. */
+VCACHE_API vcache_estimate vcache_estimate_pair(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light,
+                                                float contribution);
+VCACHE_API vcache_estimate vcache_estimate_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light,
+                                                    float contribution);
+
+/* What the ray of an estimate found, with any worker of the cache, any time later; to be called for each ray, once.
+ * Answers with VCACHE_ONCE are not learnt. */
+VCACHE_API void vcache_learn_pair(vcache_worker *worker, const vcache_estimate *estimate, vcache_answer answer);
+
 /* ----------------------------------------------------------------------------------------------------- statistics */
 
 typedef struct vcache_statistics {
     size_t size;                      /* in: sizeof(vcache_statistics); out: bytes that this version filled */
-    uint64_t asked;                   /* pairs added */
-    uint64_t traced;                  /* rays given out as misses, bypassed ones included */
+    uint64_t asked;                   /* pairs added or estimated */
+    uint64_t traced;                  /* rays given out as misses, bypassed ones included; of estimates: rays learnt */
     uint64_t bypassed;                /* of these: pairs answered exactly (ends nearer than a cell, ends that cannot
                                          be quantized, exact mode) */
     uint64_t once;                    /* of these: answers that were not to be stored */
     uint64_t stored;                  /* words written */
     uint64_t overwritten;             /* of these: words that held something else, or something older than a clear; of
                                          light sets: rows replaced (`stored` counts their bits) */
-    uint64_t hits[VCACHE_MAX_LEVELS]; /* pairs answered by the table, by level */
+    uint64_t hits[VCACHE_MAX_LEVELS]; /* pairs answered by the table, by level; estimates that knew something: 0 */
     uint32_t hit_levels;              /* mask of the levels that have hits */
 } vcache_statistics;
 
