@@ -37,7 +37,7 @@ from scenes import ROOT, Failure, Parser, missing_file, public, run, scene_words
 SCENES = ["kitchen", "conference", "living-room", "san-miguel", "cornell"]
 DOUBLING = [1, 2, 4, 8, 16, 32, 64, 128, 256]
 FINER = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128]
-KS = [1, 2, 4, 8, 16]
+KS = [1, 2, 4, 8, 16, 32]
 # name: options, the option of the knob, its values, paths per pixel
 METHODS = {"selection": (["--visibility", "exact"], "--select", KS, DOUBLING),
            "cache": (["--visibility", "cache"], "--ce", [8, 16, 32], FINER),

@@ -147,24 +147,30 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
 }
 
 /* The light of a word whose weight lies around `at` on a line along which all weights of the word lie side by side,
- * lane by lane; *end becomes where its weight ends, *weight what it is. */
+ * lane by lane; *end becomes where its weight ends, *weight what it is. Without a branch on where that is: it is
+ * random.
+ */
 static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, float *end, float *weight)
 {
+    enum { PARTS = 64 / LANES };
     const float *sums = p->sums + LANES * word;
-    uint32_t lane = 0, found = 0;
+    uint32_t lane = 0, part = 0;
     for (uint32_t k = 0; k < LANES - 1; k++)
         lane += sums[k] <= at;
-    *end = lane > 0 ? sums[lane - 1] : 0.0f;
-    *weight = 0.0f;
-    for (uint32_t i = 64 * word + lane; i < 64 * (word + 1) && !(*weight > 0.0f && *end > at); i += LANES) {
-        float w = p->contribution[i] * deviation_of(p->mean[i]);
-        if (!(w > 0.0f))
-            continue;
-        *end += w;
-        *weight = w;
-        found = i;
+    uint32_t first = 64 * word + lane, last = 0;
+    float w[PARTS], ends[PARTS], sum = lane > 0 ? sums[lane - 1] : 0.0f;
+    for (uint32_t i = 0; i < PARTS; i++) {
+        float product = p->contribution[first + LANES * i] * deviation_of(p->mean[first + LANES * i]);
+        w[i] = product > 0.0f ? product : 0.0f;
+        ends[i] = sum += w[i];
+        last = w[i] > 0.0f ? i : last;
     }
-    return found;
+    for (uint32_t i = 0; i < PARTS - 1; i++)
+        part += ends[i] <= at;
+    part = part < last ? part : last; /* rounding: beyond the last weight */
+    *end = ends[part];
+    *weight = w[part];
+    return first + LANES * part;
 }
 
 /* A comb of teeth `step` apart falls on the line of all weights; its teeth belong to the samples by turns, from one
@@ -206,29 +212,64 @@ uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, uint32_t samp
     return count;
 }
 
+/* What 64 lights of a row become where some are found visible and some blocked. */
+static light_states learnt(light_states old, uint64_t visible, uint64_t blocked)
+{
+    uint64_t asked = visible | blocked, before = ~old.known & old.visible;
+    uint64_t both = (before & asked) | (visible & blocked) | (old.known & old.visible & blocked) |
+                    (old.known & ~old.visible & visible);
+    return (light_states){(old.known & ~asked) | (asked & ~both), (old.visible & ~asked) | (visible & ~both) | both};
+}
+
+/* What was found of the lights of one word. */
+typedef struct finding {
+    uint32_t word;
+    uint64_t visible, blocked;
+} finding;
+
+static void learn_findings(vcache_light_set *set, uint64_t key, const finding *found, uint32_t count)
+{
+    /* most of what is traced confirms what is known: then nothing is written */
+    const _Atomic uint64_t *read = row_of(set, key);
+    bool mine = atomic_load_explicit(&read[ROW_KEY], memory_order_relaxed) == key, news = false, replaced;
+    for (uint32_t i = 0; i < count && !news; i++) {
+        light_states old = mine ? row_states(set, read, found[i].word) : (light_states){0, 0};
+        light_states now = learnt(old, found[i].visible, found[i].blocked);
+        news = now.known != old.known || now.visible != old.visible;
+    }
+    _Atomic uint64_t *row = news ? row_open(set, key, &replaced) : NULL;
+    if (!row)
+        return; /* nothing new, or another thread's turn */
+    for (uint32_t i = 0; i < count; i++) {
+        light_states old = row_states(set, row, found[i].word);
+        row_store(set, row, found[i].word, learnt(old, found[i].visible, found[i].blocked));
+    }
+    row_close(row);
+}
+
 void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache_pick *picks,
                   const vcache_answer *answers, uint32_t count)
 {
-    for (int k = 0; k < VCACHE_CELLS; k++) {
-        uint64_t key = cells->key[k];
-        if (!key || (k > 0 && key == cells->key[k - 1]))
-            continue;
-        bool mine = atomic_load_explicit(&row_of(set, key)[ROW_KEY], memory_order_relaxed) == key, replaced;
-        _Atomic uint64_t *row = NULL;
-        for (uint32_t i = 0; i < count; i++) {
-            bool visible = answers[i] & VCACHE_VISIBLE;
-            if (answers[i] & VCACHE_ONCE || (mine && row_knows(set, row_of(set, key), picks[i].light, visible)))
+    enum { FINDINGS = 64 };
+    finding found[FINDINGS];
+    for (uint32_t i = 0; i < count;) {
+        uint32_t n = 0;
+        for (; i < count; i++) {
+            if (answers[i] & VCACHE_ONCE)
                 continue;
-            if (!row) {
-                row = row_open(set, key, &replaced);
-                if (!row)
-                    break; /* another thread's turn */
-                mine = false;
+            uint32_t word = picks[i].light / 64;
+            if (n == 0 || found[n - 1].word != word) {
+                if (n == FINDINGS)
+                    break;
+                found[n++] = (finding){.word = word};
             }
-            row_learn(set, row, picks[i].light, visible);
+            uint64_t bit = (uint64_t)1 << picks[i].light % 64, visible = answers[i] & VCACHE_VISIBLE ? bit : 0;
+            found[n - 1].visible |= visible;
+            found[n - 1].blocked |= bit ^ visible;
         }
-        if (row)
-            row_close(row);
+        for (int k = 0; k < VCACHE_CELLS; k++)
+            if (cells->key[k] && (k == 0 || cells->key[k] != cells->key[k - 1]))
+                learn_findings(set, cells->key[k], found, n);
     }
 }
 

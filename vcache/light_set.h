@@ -109,24 +109,23 @@ static inline void row_set(const vcache_light_set *s, _Atomic uint64_t *row, uin
     atomic_store_explicit(known, old | bit, memory_order_release);
 }
 
-/* Adds one outcome to what was seen. */
-static inline void row_learn(const vcache_light_set *s, _Atomic uint64_t *row, uint32_t light, bool visible)
+/* Of 64 lights. */
+typedef struct light_states {
+    uint64_t known, visible;
+} light_states;
+
+static inline light_states row_states(const vcache_light_set *s, const _Atomic uint64_t *row, uint32_t word)
 {
-    _Atomic uint64_t *known = &row[ROW_BITS + light / 64], *seen = known + s->words;
-    uint64_t bit = (uint64_t)1 << (light % 64), k = atomic_load_explicit(known, memory_order_relaxed);
-    uint64_t v = atomic_load_explicit(seen, memory_order_relaxed);
-    bool both = k & bit ? !(v & bit) == visible : (v & bit) != 0;
-    atomic_store_explicit(seen, both || visible ? v | bit : v & ~bit, memory_order_release);
-    atomic_store_explicit(known, both ? k & ~bit : k | bit, memory_order_release);
+    const _Atomic uint64_t *known = &row[ROW_BITS + word];
+    return (light_states){atomic_load_explicit(known, memory_order_relaxed),
+                          atomic_load_explicit(known + s->words, memory_order_relaxed)};
 }
 
-/* True where row_learn would change nothing: most of what is traced confirms what is known. */
-static inline bool row_knows(const vcache_light_set *s, const _Atomic uint64_t *row, uint32_t light, bool visible)
+static inline void row_store(const vcache_light_set *s, _Atomic uint64_t *row, uint32_t word, light_states to)
 {
-    const _Atomic uint64_t *known = &row[ROW_BITS + light / 64];
-    uint64_t bit = (uint64_t)1 << (light % 64), k = atomic_load_explicit(known, memory_order_relaxed) & bit;
-    uint64_t v = atomic_load_explicit(known + s->words, memory_order_relaxed) & bit;
-    return k ? (v != 0) == visible : v != 0;
+    _Atomic uint64_t *known = &row[ROW_BITS + word];
+    atomic_store_explicit(known + s->words, to.visible, memory_order_release);
+    atomic_store_explicit(known, to.known, memory_order_release);
 }
 
 static inline void row_close(_Atomic uint64_t *row)

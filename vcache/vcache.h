@@ -312,8 +312,8 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *   1. contribution[i] = f_i, 0 beyond the last light;
  *   2. p = vcache_predict(predictor, &surface, 12.0f, 0, contribution);
  *   3. sum = sum of colour_i * p.mean[i];
- *   4. n = vcache_pick_lights(predictor, vcache_budget_rays(&budget, p.deviation, p.expected, 1), 1, random, picks,
- * capacity);
+ *   4. rays = vcache_budget_rays(&budget, p.deviation, p.expected, 1);
+ *      n = vcache_pick_lights(predictor, rays, 1, random, picks, capacity);
  *   5. trace them; sum += colour * (V - mean) * picks[k].weight for each; vcache_learn(set, &p.cells, picks, V, n).
  *
  * Eye samples close to each other, such as those of a pixel on one surface, can share one prediction: with g_i the
