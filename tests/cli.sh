@@ -472,7 +472,7 @@ finish "exact visibility does not differ from exact visibility"
 # --- lights drawn ---
 
 for pair in ':estimate' '--visibility=estimate:estimate' '--visibility=exact:selection' \
-    '--visibility=cache:cached selection'; do
+    '--visibility=cache:cached-selection'; do
     quiet_good cornell "${tiny[@]}" --vpls 200 --select 3 ${pair%%:*} --compare --json drawn.json
     read_json drawn.json
     figure_is mode "\"${pair#*:}\""

@@ -209,14 +209,14 @@ static void a_dominating_light(void **state)
 static void ends_of_random(void **state)
 {
     (void)state;
-    static const float ends[] = {0.0f, 0x1p-149f, 0x1p-24f, 1.0f - 0x1p-24f};
+    static const float ends[] = {0.0f, 0x1p-149f, 0x1p-24f, 1.0f - 0x1p-24f, 1.0f};
     static const float rays[] = {1e-30f, 0.3f, 1.0f, 2.0f, 7.0f, 50.0f};
     uint64_t seed = 2;
     bench b = make_bench(LIGHTS_MAX, 1 << 10, VCACHE_ISA_ALL);
     for (uint32_t i = 0; i < b.count; i++)
         b.contribution[i] = i < 120 ? 0.0f : (float)random_between(&seed, 0.5, 1.0);
     predict_at(&b, 0.3, 0.4);
-    for (int e = 0; e < 4; e++)
+    for (int e = 0; e < 5; e++)
         for (int r = 0; r < 6; r++) {
             vcache_pick *picks;
             uint32_t n = draw(&b, rays[r], ends[e], 60, &picks);

@@ -188,6 +188,30 @@ static void black_gloss_shines(void **state)
     stage_free(&g);
 }
 
+/* Where no light comes nothing is drawn, in any unit of light, and those who have light get their rays. */
+static void dark_parts(void **state)
+{
+    (void)state;
+    double traced[2];
+    for (int dim = 0; dim < 2; dim++) {
+        scene *s = scene_new("half dark");
+        uint32_t white = add_material(s, MATERIAL_DIFFUSE, 0.7f);
+        add_quad(s, v3(-1, 0, -1), v3(0, 0, 2), v3(2, 0, 0), white);          /* floor */
+        add_quad(s, v3(-1, 0.9f, -1), v3(1.5f, 0, 0), v3(0, 0, 1.8f), white); /* ceiling, below all lights */
+        add_quad(s, v3(-0.5f, 0.3f, -1), v3(1, 0, 0), v3(0, 0.5f, 0), white); /* a screen */
+        for (int i = 0; i < 60; i++)
+            add_point_light(s, v3(-0.9f + 0.03f * (float)i, 1.0f, 0.8f - 0.02f * (float)(i % 7)), dim ? 1e-7f : 0.1f);
+        stage g = stage_new(s, camera_look(v3(0, 0.6f, 3.2f), v3(0, 0.6f, 0), v3(0, 1, 0), 0.7f), SIZE, SIZE, 16);
+        g.v.settings.vpls = 0, g.v.settings.light_samples = 0;
+        frame few = render(&g, VISIBILITY_ESTIMATE, 3.0f);
+        traced[dim] = (double)few.rays.traced / (double)few.eye_samples;
+        frame_free(&few);
+        stage_free(&g);
+    }
+    print_message("%.3f rays of 3, %.3f in dim light\n", traced[0], traced[1]);
+    assert_true(fabs(traced[1] / traced[0] - 1.0) < 0.01 && traced[0] > 2.0);
+}
+
 /* The error of the mean of n images, over the light. */
 static double image_error(const double *sum, const double *truth_sum, int n)
 {
@@ -273,10 +297,15 @@ static void threads(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lights),          cmocka_unit_test(selections),
-        cmocka_unit_test(materials),       cmocka_unit_test(black_gloss_shines),
-        cmocka_unit_test(images_converge), cmocka_unit_test(samples_of_one_pixel),
-        cmocka_unit_test(learning_helps),  cmocka_unit_test(threads),
+        cmocka_unit_test(lights),
+        cmocka_unit_test(selections),
+        cmocka_unit_test(materials),
+        cmocka_unit_test(black_gloss_shines),
+        cmocka_unit_test(dark_parts),
+        cmocka_unit_test(images_converge),
+        cmocka_unit_test(samples_of_one_pixel),
+        cmocka_unit_test(learning_helps),
+        cmocka_unit_test(threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

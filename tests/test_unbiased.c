@@ -214,7 +214,7 @@ static void no_bias(void **state)
     (void)state;
     for (int k = 0; k < KINDS; k++)
         for (uint32_t samples = 1; samples <= SHARING; samples += SHARING - 1)
-            for (int threads = 1; threads <= THREADS_MAX; threads *= 2)
+            for (int threads = 1; threads <= THREADS_MAX; threads++)
                 for (vcache_drawing drawing = VCACHE_DRAW_UNCERTAIN; drawing <= VCACHE_DRAW_VISIBLE; drawing++)
                     if ((drawing == VCACHE_DRAW_UNCERTAIN || threads == THREADS_MAX) &&
                         rejected(&kinds[k], drawing, samples, RIGHT, threads))

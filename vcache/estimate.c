@@ -176,15 +176,17 @@ static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, f
 /* A comb of teeth `step` apart falls on the line of all weights; its teeth belong to the samples by turns, from one
  * drawn at random on. So each sample has a comb of its own, with teeth samples * step apart and a uniform offset: one
  * of them is on light i with probability weight / (samples * step). */
-uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, uint32_t samples, float random, vcache_pick *picks,
+uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, uint32_t samples, double random, vcache_pick *picks,
                             uint32_t capacity)
 {
     if (!(p->deviation > 0.0f) || !(rays > 0.0f) || capacity < 3 || samples < 1)
         return 0;
     if (rays > (float)(capacity - 2))
         rays = (float)(capacity - 2);
+    random = random < 1.0 ? random : 1.0 - 0x1p-53; /* floats round up to it */
+    random = random > 0.0 ? random : 0.0;
     /* in double: so many teeth one behind the other would drift */
-    double step = (double)p->deviation / (double)rays, turn = (double)random * (double)samples, own = step * samples;
+    double step = (double)p->deviation / (double)rays, turn = random * (double)samples, own = step * samples;
     double tooth = 0.0, at = 0.0, offset = turn - floor(turn), next = offset * step;
     uint32_t count = 0, sample = (uint32_t)turn, last = UINT32_MAX, hits = 0; /* of the last light */
     for (uint32_t w = 0; w < p->set->words; w++) {

@@ -300,9 +300,9 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *     sum f_i V_i  =  sum f_i m_i  +  sum f_i (V_i - m_i)
  *
  * where the second sum is estimated by few lights, light i being drawn with probability p_i ~ f_i times the deviation
- * of V_i from m_i. vcache_predict says what is expected, vcache_pick draws, the host traces and adds f (V - m) / p for
- * each, and vcache_learn writes down what was found. m and p are fixed before the rays are drawn, so the expected value
- * is exact whatever the cache holds, also while other threads write to it; the cache only makes the error small.
+ * of V_i from m_i. vcache_predict says what is expected, vcache_pick_lights draws, the host traces and adds f (V - m) /
+ * p for each, and vcache_learn writes down what was found. m and p are fixed before the rays are drawn, so the expected
+ * value is exact whatever the cache holds, also while other threads write to it; the cache only makes the error small.
  *
  * What an eye end knows of a light are the states of three cells around it (sides C_E, 4 C_E and 16 C_E eye samples),
  * each one of: unknown, seen visible, seen blocked, both. m is the share of visible rays that was measured for each of
@@ -317,9 +317,11 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *   5. trace them; sum += colour * (V - mean) * picks[k].weight for each; vcache_learn(set, &p.cells, picks, V, n).
  *
  * Eye samples close to each other, such as those of a pixel on one surface, can share one prediction: with g_i the
- * contribution in the middle of them, sum f_i V_i = sum g_i m_i + sum (f_i V_i - g_i m_i) for each. Then only the f_i
- * of lights that are drawn are wanted. It stays without bias while no light that one of them may see has contribution
- * 0. */
+ * contribution in the middle of them, sum f_i V_i = sum g_i m_i + sum (f_i V_i - g_i m_i) for each, and only the f_i of
+ * lights that are drawn are wanted. Predict in the middle, add sum g_i m_i to each of them, and for each pick (f_i V_i
+ * - g_i m_i) * weight to the sample that it names; learn once. contribution[i] decides p_i alone: lift it above 0, by a
+ * thousandth of the mean, say, for all lights that one of them may see (f_i > 0), even where g_i = 0: else there is
+ * bias. The g_i of both sums stay as they are. */
 #define VCACHE_CELLS 3
 typedef struct vcache_cells {
     uint64_t key[VCACHE_CELLS]; /* finest first; 0: the end cannot be quantized, nothing is known or learnt */
@@ -360,18 +362,19 @@ VCACHE_API uint32_t vcache_light_set_padded(const vcache_light_set *set);
 /* `contribution` has vcache_light_set_padded floats, each finite and >= 0 (0: not asked, never drawn; so the padding),
  * in any unit that is the same for all lights (luminance, say), and must stay as it is until the lights are picked.
  * `ce` is C_E of the finest cell, `salt` as in vcache_prepare_eye. */
-
 VCACHE_API vcache_prediction vcache_predict(vcache_predictor *predictor, const vcache_surface *eye, float ce,
                                             uint64_t salt, const float *contribution);
 
 /* Draws lights for the last prediction by one systematic sample, for each of the `samples` >= 1 eye samples that share
- * it. Light i is drawn for one of them with probability p_i = min(1, rays / samples * f_i d_i / deviation), no light
- * twice: `rays` for all of them on average, at most rays + 1, fewer where some p are capped at 1. Picks are in the
- * order of the lights, and spread evenly over the samples. `random` in [0, 1) must be uniform, and independent of all
- * that was learnt before the prediction: numbers that hang together lower the error of a sum, but all of their
- * predictions must be made before any of their answers is learnt. `rays` is cut to capacity - 2. Returns the number of
- * picks. */
-VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float rays, uint32_t samples, float random,
+ * it: for each of them light i with probability p_i = min(1, rays / samples * f_i d_i / deviation), never twice. That
+ * is `rays` picks for all of them on average, at most rays + 1, fewer where some p are capped at 1; in the order of the
+ * lights, and spread evenly over the samples. `rays` is cut to capacity - 2 (4 times the budget's mean, times samples,
+ * + 2 never cuts). `random` in [0, 1) must be uniform, and independent of all that was learnt before the prediction:
+ * numbers that hang together lower the error of a sum, but all of their predictions must be made before any of their
+ * answers is learnt. log2(samples) of its bits decide who begins. Returns the number of picks: 0, and bias if anything
+ * was asked, where rays is not above 0 or capacity is below 3. Probabilities are exact to rounding: lights 2^-20 times
+ * lighter than others of the same 64 have them coarsely. */
+VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float rays, uint32_t samples, double random,
                                        vcache_pick *picks, uint32_t capacity);
 
 /* What the rays of an eye end found: lights picks[i].light, which must be below the set's count. Any thread, any time
@@ -418,8 +421,7 @@ typedef struct vcache_estimate {
 } vcache_estimate;
 
 /* `contribution`: |f| (its luminance, say) over a threshold that the host chooses; p = contribution x deviation of V,
- * or
- * 1. The deviation of an unknown pair is 1/2 (as its m), that of the surest 0.09; |f (V - m) / p| is never above the
+ * or 1. The deviation of an unknown pair is 1/2 (as its m), that of the surest 0.09; |f (V - m) / p| is never above the
  * larger of |f| and 12 thresholds. A contribution not above 0: p = m = 0, nothing is to be added. NaN or infinite, an
  * end that cannot be quantized, a worker of exact mode: p = 1. Cannot fail. Threads: as all calls of a worker. */
 VCACHE_API vcache_estimate vcache_estimate_pair(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light,

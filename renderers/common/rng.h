@@ -40,4 +40,10 @@ static inline float rng_float(rng *r)
     return (float)(rng_u32(r) >> 8) * 0x1p-24f;
 }
 
+static inline double rng_double(rng *r)
+{
+    uint64_t high = rng_u32(r);
+    return (double)(high << 21 | rng_u32(r) >> 11) * 0x1p-53;
+}
+
 #endif

@@ -164,7 +164,7 @@ void comparison_free(comparison *c)
 }
 
 const char *const visibility_names[] = {"exact", "cache", "estimate", NULL};
-const char *const mode_names[VISIBILITY_MODES] = {"exact", "cache", "estimate", "selection", "cached selection"};
+const char *const mode_names[VISIBILITY_MODES] = {"exact", "cache", "estimate", "selection", "cached-selection"};
 const char *const store_names[] = {"rows", "words", NULL};
 const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
 
@@ -185,7 +185,7 @@ static const char *grouped(uint64_t n, char out[32])
 static void print_frame(FILE *out, const char *name, times t, const frame *f)
 {
     char text[32];
-    fprintf(out, "%-14s frame %8.3f s   shading %8.3f s   shadow rays %15s", name, t.frame_s, t.shade_s,
+    fprintf(out, "%-19s frame %8.3f s   shading %8.3f s   shadow rays %15s", name, t.frame_s, t.shade_s,
             grouped(f->rays.traced, text));
     if (f->rays.traced != f->rays.asked && f->rays.asked)
         fprintf(out, " (%.2f %% of those asked for)", 100.0 * (double)f->rays.traced / (double)f->rays.asked);
@@ -217,13 +217,13 @@ static void print_pair(const comparison *c, FILE *out)
 {
     const frame *e = &c->exact_frame, *m = &c->mode_frame;
     double low, high, ratio = comparison_ratio(c, false, &low, &high);
-    fprintf(out, "%-14s frame %8.2f x ", "speed-up", ratio);
+    fprintf(out, "%-19s frame %8.2f x ", "speed-up", ratio);
     if (c->runs > 1)
         fprintf(out, "(%.2f ... %.2f in %d pairs)", low, high, c->runs);
     double shade = comparison_ratio(c, true, &low, &high);
     fprintf(out, "  shading %8.2f x   shadow rays %15.2f x\n", shade,
             m->rays.traced ? (double)e->rays.traced / (double)m->rays.traced : 1.0);
-    fprintf(out, "difference     l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f",
+    fprintf(out, "difference          l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f",
             100.0 * c->lit.l_inf, 100.0 * c->whole.l_inf, c->lit.rel_mse, c->lit.p999, c->lit.max);
     if (c->mispredicted >= 0.0)
         fprintf(out, "   mispredicted %.3f %%", 100.0 * c->mispredicted);
@@ -242,7 +242,7 @@ static void print_reference(const comparison *c, const char *name, FILE *out)
     bool exact = c->exact_frame.complete, mode = c->mode_frame.complete;
     if (!c->reference || (!exact && !mode))
         return;
-    fprintf(out, "%-14s", "reference");
+    fprintf(out, "%-19s", "reference");
     if (exact)
         print_error(out, "exact", &c->exact_reference);
     if (exact && mode)

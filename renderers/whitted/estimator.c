@@ -228,7 +228,7 @@ static uint32_t contributions(estimator *o, const eye_sample *middle)
 static void keep_possible(estimator *o)
 {
     float mean = shade_total(o->contribution, vcache_light_set_padded(o->set)) / (float)o->lights;
-    float least = mean > 0.0f ? 1e-3f * mean : 1.0f;
+    float least = mean > 0.0f ? 1e-3f * mean : 1e-30f; /* in the dark: of no weight to the budget */
     shade_lift(o->contribution, o->vpls->count, least);
     shade_lift(o->contribution + o->vpls->padded, o->punctual_count, least);
 }
@@ -299,7 +299,8 @@ static uint32_t predict(estimator *o, group *g, const eye_sample *const *eyes, t
 
     vcache_pick *picks = o->picks + g->pick;
     float rays = vcache_budget_rays(&o->budget, p.deviation * tint, p.expected * tint, g->count);
-    uint32_t n = vcache_pick_lights(o->predictor, rays, g->count, rng_float(&o->random), picks, g->count * o->capacity);
+    uint32_t n =
+        vcache_pick_lights(o->predictor, rays, g->count, rng_double(&o->random), picks, g->count * o->capacity);
     for (uint32_t k = 0; k < n; k++) {
         uint32_t i = picks[k].light, slot = members[picks[k].sample];
         const eye_sample *e = eyes[slot];

@@ -19,7 +19,6 @@ typedef struct arguments {
     float look[7]; /* the last is NaN where it is not given */
     int camera, visibility, store, hash, cache_mb;
     int runs; /* 0: not given */
-    bool select; /* --select was given */
     bool compare, half, tiles, quiet, shared;
     settings settings;
 } arguments;
@@ -64,7 +63,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "", .metavar = "EX,EY,EZ,AX,AY,AZ,FOV",
          .help = "camera at E that looks at A, vertical FOV in degrees"},
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
-         .metavar = "MODE", .shown = "cache", .help = "how shadows are decided: exact, cache or estimate"},
+         .metavar = "MODE", .shown = "cache; with --select estimate", .help = "exact, cache or estimate"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
          .shown = "all; estimate 96 / spp, 1 or more", .help = "lights drawn per eye path"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
@@ -119,11 +118,11 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     options_status status = options_parse(&program, table, sizeof table / sizeof *table, argc, argv, err);
     s->width = a->size.width;
     s->height = a->size.height;
-    a->select = s->rays >= 0.0f;
+    bool select = s->rays >= 0.0f;
     if (a->visibility < 0)
-        a->visibility = a->select ? VISIBILITY_ESTIMATE : VISIBILITY_CACHE;
+        a->visibility = select ? VISIBILITY_ESTIMATE : VISIBILITY_CACHE;
     s->visibility = (visibility_mode)a->visibility;
-    if (a->select && s->visibility != VISIBILITY_ESTIMATE)
+    if (select && s->visibility != VISIBILITY_ESTIMATE)
         s->visibility = s->visibility == VISIBILITY_CACHE ? VISIBILITY_SELECT_BY_CACHE : VISIBILITY_SELECT;
     s->shared = a->shared;
     s->words = a->store == 1;
