@@ -37,7 +37,7 @@ from scenes import ROOT, Failure, Parser, missing_file, public, run, scene_words
 SCENES = ["kitchen", "conference", "living-room", "san-miguel", "cornell"]
 DOUBLING = [1, 2, 4, 8, 16, 32, 64, 128, 256]
 FINER = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128]
-KS = [1, 2, 4, 8, 16, 32]
+KS = [2, 4, 8, 16, 32]
 # name: options, the option of the knob, its values, paths per pixel
 METHODS = {"selection": (["--visibility", "exact"], "--select", KS, DOUBLING),
            "cache": (["--visibility", "cache"], "--ce", [8, 16, 32], FINER),
@@ -250,16 +250,16 @@ def parse():
     parser = Parser(__doc__)
     parser.add_argument("--references", metavar="FOLDER",
                         help="where converged images are kept (default: out/references; none kept with --quick)")
-    parser.add_argument("--reference-spp", type=int, help="paths per pixel of a reference (default 2048)")
-    parser.add_argument("--reference-select", type=int, default=16, metavar="K",
-                        help="lights drawn per path of a reference; 0: all of them (default 16)")
+    parser.add_argument("--reference-spp", type=int, help="paths per pixel of a reference (default 4096)")
+    parser.add_argument("--reference-select", type=int, default=8, metavar="K",
+                        help="lights drawn per path of a reference; 0: all of them (default 8)")
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--vpls", type=int, default=1024)
     parser.add_argument("--options", default="", help="more options of whitted, for references and tests, in one word: "
                         "--options='--light-samples 16'")
     parser.add_argument("--seeds", type=int, default=1, help="seeds 0, 1 ..., each with its own lights and reference")
     parser.add_argument("--runs", type=int, default=3, help="frames a point and seed, fewer where they take long")
-    parser.add_argument("--longest", type=float, default=15.0, help="seconds a frame may be expected to take")
+    parser.add_argument("--longest", type=float, default=16.0, help="seconds a frame may be expected to take")
     parser.add_argument("--base", choices=METHODS, default="selection", help="what the others are divided by")
     parser.add_argument("--plots", metavar="FOLDER", help="an SVG file per scene")
     parser.add_argument("--again", metavar="CSV", help="tables and plots from earlier figures; renders nothing")
@@ -272,7 +272,7 @@ def parse():
         a.size, a.vpls, a.runs, a.reference_spp = "48x32", min(a.vpls, 64), 1, a.reference_spp or 64
     elif not a.references:
         a.references = os.path.join(ROOT, "out", "references")
-    a.reference_spp = a.reference_spp or 2048
+    a.reference_spp = a.reference_spp or 4096
     for option, value, low, high in (("--reference-spp", a.reference_spp, SHARED, 4096), ("--runs", a.runs, 1, 99),
                                      ("--reference-select", a.reference_select, 0, 1000), ("--seeds", a.seeds, 1, 99)):
         if not low <= value <= high:

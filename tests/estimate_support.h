@@ -36,7 +36,7 @@ static inline bench make_bench_of(const vcache_config *config, uint32_t lights, 
     b.set = make_set(b.cache, ends, lights, rows);
     free(ends);
     b.predictor = make_predictor(b.set);
-    predict_states(VCACHE_DRAW_UNCERTAIN, b.states);
+    predict_states(VCACHE_DRAW_UNCERTAIN, NULL, b.states);
     b.padded = vcache_light_set_padded(b.set);
     b.contribution = calloc(b.padded, sizeof *b.contribution);
     assert_non_null(b.contribution);

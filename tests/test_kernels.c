@@ -234,7 +234,7 @@ static predict_case predict_make(uint64_t *seed, uint32_t words, int how, bool o
         }
         c.in.known[k] = known, c.in.visible[k] = visible;
     }
-    predict_states(VCACHE_DRAW_UNCERTAIN, states);
+    predict_states(VCACHE_DRAW_UNCERTAIN, NULL, states);
     if (odd)
         for (uint32_t i = 0; i < STATES; i++)
             states[i] = odd_float(seed);

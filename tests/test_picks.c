@@ -151,7 +151,7 @@ static void other_drawings(void **state)
         bench b = make_bench(LIGHTS_MAX, 1 << 10, VCACHE_ISA_ALL);
         teach(&b, &seed);
         float states[STATES];
-        predict_states(VCACHE_DRAW_UNCERTAIN, states);
+        predict_states(VCACHE_DRAW_UNCERTAIN, NULL, states);
         vcache_predictor_destroy(&b.predictor);
         assert_int_equal(vcache_predictor_create(b.set, drawing, &b.predictor, NULL), VCACHE_OK);
         for (uint32_t i = 0; i < b.count; i++)

@@ -11,9 +11,10 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-/* Visible rays per thousand by the states of the coarse, middle and fine cell (known | visible << 1: unknown, blocked,
- * both, visible), counted over four interiors; `bench/policies --states` counts again, with other samples, and comes
- * within a few per cent where a state is not rare. Wrong numbers cost rays, never bias. */
+/* What a predictor expects at first: visible rays per thousand by the states of the coarse, middle and fine cell (known
+ * | visible << 1: unknown, blocked, both, visible), counted over four interiors; `bench/policies --states` counts
+ * again, with other samples, and comes within a few per cent where a state is not rare. Wrong numbers cost rays, never
+ * bias, and vcache_adapt mends them. */
 static const uint16_t visible_share[STATES] = {
     658, 40,  408, 971, /* coarse and middle unknown */
     82,  27,  268, 670, /* middle blocked */
@@ -37,6 +38,10 @@ static const uint16_t visible_share[STATES] = {
  * smaller: rare surprises weigh more. */
 static const float least_deviation = 0.02f;
 
+/* Answers that the first table stands for, a state; answers until the table is made again: at first, and at most; of a
+ * state, before old ones fade. */
+enum { ADAPT_PRIOR = 50, ADAPT_FIRST = 1024, ADAPT_STEP = 1 << 16, ADAPT_MOST = 1 << 20 };
+
 static uint32_t float_bits(float f)
 {
     uint32_t bits;
@@ -46,10 +51,11 @@ static uint32_t float_bits(float f)
 
 /* The deviation goes into the lower half of the mean, which changes it by less than 2^-7 of itself: any mean will do,
  * if prediction and correction use the same. Where none is wanted it is next to 0, but no denormal: those are slow. */
-void predict_states(vcache_drawing drawing, float states[STATES])
+void predict_states(vcache_drawing drawing, const float share[STATES], float states[STATES])
 {
     for (int i = 0; i < STATES; i++) {
-        float mean = (float)visible_share[i] / 1000.0f, deviation = sqrtf(mean * (1.0f - mean)) + least_deviation;
+        float mean = share ? share[i] : (float)visible_share[i] / 1000.0f,
+              deviation = sqrtf(mean * (1.0f - mean)) + least_deviation;
         if (drawing != VCACHE_DRAW_UNCERTAIN) {
             deviation = drawing == VCACHE_DRAW_VISIBLE ? sqrtf(mean) + least_deviation : 1.0f;
             mean = 0x1p-60f;
@@ -61,9 +67,11 @@ void predict_states(vcache_drawing drawing, float states[STATES])
 
 struct vcache_predictor {
     float states[STATES]; /* predict_input.table */
+    vcache_drawing drawing;
+    uint64_t adapted, adapt_at; /* answers so far, and with how many the table is made again */
+    float counts[STATES][2];    /* of blocked and of visible answers */
     vcache_light_set *set;
     size_t bytes;
-    bool blind;     /* looks nothing up */
     uint64_t *rows; /* known and visible words of the three cells */
     float *mean, *sums;
     const float *contribution; /* the host's */
@@ -90,10 +98,11 @@ vcache_status vcache_predictor_create(vcache_light_set *set, vcache_drawing draw
     if (!block)
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a predictor");
     vcache_predictor *p = (vcache_predictor *)(void *)block;
-    predict_states(drawing, p->states);
+    predict_states(drawing, NULL, p->states);
+    p->drawing = drawing;
+    p->adapt_at = ADAPT_FIRST;
     p->set = set;
     p->bytes = bytes;
-    p->blind = drawing == VCACHE_DRAW_BRIGHT;
     p->rows = (uint64_t *)(void *)(block + header);
     p->mean = (float *)(void *)(block + header + rows);
     p->sums = p->mean + padded;
@@ -122,7 +131,7 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
     vcache_prediction out = {.mean = p->mean};
     predict_input in = {.words = set->words, .table = p->states, .contribution = contribution};
     uint64_t epoch_key = atomic_load_explicit(&set->cache->epoch_key, memory_order_acquire);
-    if (!p->blind && eye_cells(set->cache, eye, ce, salt, out.cells.key))
+    if (p->drawing != VCACHE_DRAW_BRIGHT && eye_cells(set->cache, eye, ce, salt, out.cells.key))
         for (int i = 0; i < VCACHE_CELLS; i++) {
             out.cells.key[i] = row_key(epoch_key, out.cells.key[i]);
             row_prefetch(set, out.cells.key[i], 0, set->words);
@@ -173,6 +182,16 @@ static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, f
     return first + LANES * part;
 }
 
+static uint32_t state_of(const vcache_predictor *p, uint32_t light)
+{
+    const uint64_t *known = p->rows + light / 64;
+    uint32_t state = 0;
+    for (uint32_t k = 0; k < VCACHE_CELLS; k++, known += 2 * p->set->words)
+        state |= (uint32_t)(known[0] >> light % 64 & 1) << 2 * k | (uint32_t)(known[p->set->words] >> light % 64 & 1)
+                                                                       << (2 * k + 1);
+    return state;
+}
+
 /* A comb of teeth `step` apart falls on the line of all weights; its teeth belong to the samples by turns, from one
  * drawn at random on. So each sample has a comb of its own, with teeth samples * step apart and a uniform offset: one
  * of them is on light i with probability weight / (samples * step). */
@@ -199,7 +218,7 @@ uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, uint32_t samp
             last = light;
             /* rounding may find a light once too often, or one of hardly any weight */
             if (times <= (double)FLT_MAX && hits <= samples)
-                picks[count++] = (vcache_pick){light, sample, (float)times};
+                picks[count++] = (vcache_pick){light, sample, state_of(p, light), (float)times};
             tooth += 1.0;
             sample = sample + 1 < samples ? sample + 1 : 0;
             if (hits >= samples && at + (double)end > next + step) { /* of all samples for sure, and of each once */
@@ -212,6 +231,28 @@ uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, uint32_t samp
         at += word;
     }
     return count;
+}
+
+/* Lights are drawn in proportion to contribution x deviation: shares of answers, not of lights, make the variance
+ * least. The table is made again rarely, for that takes longer than counting. */
+void vcache_adapt(vcache_predictor *p, const vcache_pick *picks, const vcache_answer *answers, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++)
+        if (!(answers[i] & VCACHE_ONCE)) {
+            p->counts[picks[i].state % STATES][answers[i] & VCACHE_VISIBLE] += 1.0f;
+            p->adapted++;
+        }
+    if (p->adapted < p->adapt_at)
+        return;
+    float share[STATES];
+    for (int i = 0; i < STATES; i++) {
+        float first = (float)visible_share[i] / 1000.0f, *n = p->counts[i];
+        share[i] = (first * ADAPT_PRIOR + n[1]) / (ADAPT_PRIOR + n[0] + n[1]);
+        if (n[0] + n[1] > ADAPT_MOST) /* floats would stop counting; and scenes change */
+            n[0] *= 0.5f, n[1] *= 0.5f;
+    }
+    predict_states(p->drawing, share, p->states);
+    p->adapt_at = p->adapted + (p->adapted < ADAPT_STEP ? p->adapted : ADAPT_STEP);
 }
 
 /* What 64 lights of a row become where some are found visible and some blocked. */

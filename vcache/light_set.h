@@ -32,7 +32,8 @@ struct vcache_light_set {
 };
 
 /* estimate.c */
-void predict_states(vcache_drawing drawing, float states[STATES]);
+/* `share`: visible rays by state; NULL: what is expected at first. */
+void predict_states(vcache_drawing drawing, const float share[STATES], float states[STATES]);
 
 static inline uint64_t row_key(uint64_t epoch_key, uint64_t half)
 {

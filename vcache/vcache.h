@@ -306,9 +306,9 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *
  * What an eye end knows of a light are the states of three cells around it (sides C_E, 4 C_E and 16 C_E eye samples),
  * each one of: unknown, seen visible, seen blocked, both. m is the share of visible rays that was measured for each of
- * the 64 combinations. The rows are those of the light set; a light that was seen both ways counts as unknown in
- * vcache_add_set, whose answer replaces it. Nothing is answered by the cache alone, so nearness needs no exception. For
- * each eye sample:
+ * the 64 combinations, in other scenes at first, then in this one (vcache_adapt). The rows are those of the light set;
+ * a light that was seen both ways counts as unknown in vcache_add_set, whose answer replaces it. Nothing is answered by
+ * the cache alone, so nearness needs no exception. For each eye sample:
  *   1. contribution[i] = f_i, 0 beyond the last light;
  *   2. p = vcache_predict(predictor, &surface, 12.0f, 0, contribution);
  *   3. sum = sum of colour_i * p.mean[i];
@@ -337,6 +337,7 @@ typedef struct vcache_prediction {
 typedef struct vcache_pick {
     uint32_t light;
     uint32_t sample; /* of those that share the prediction */
+    uint32_t state;  /* of the light in the three cells: for vcache_adapt */
     float weight;    /* 1 / p, at least 1 */
 } vcache_pick;
 
@@ -381,6 +382,12 @@ VCACHE_API uint32_t vcache_pick_lights(const vcache_predictor *predictor, float 
  * later; answers with VCACHE_ONCE are not learnt. What other threads hold at the moment is dropped. */
 VCACHE_API void vcache_learn(vcache_light_set *set, const vcache_cells *cells, const vcache_pick *picks,
                              const vcache_answer *answers, uint32_t count);
+
+/* Counts what the rays of the last predictions found, by the states of their lights, and from time to time makes the
+ * predictor expect that: scenes differ in how often a light that nobody has asked for is seen. Optional; after
+ * vcache_learn, say. */
+VCACHE_API void vcache_adapt(vcache_predictor *predictor, const vcache_pick *picks, const vcache_answer *answers,
+                             uint32_t count);
 
 /* How many rays an eye sample deserves. The sum of the squares of relative errors over an image is least, at a given
  * mean number of rays, where n grows with error / value; of the squares of errors, where n grows with the error. In

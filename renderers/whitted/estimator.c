@@ -386,6 +386,7 @@ void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count
     }
     o->groups[o->group_count].pick = at;
     trace(o, eyes, at, pixels);
+    vcache_adapt(o->predictor, o->picks, o->answers, at);
     for (const group *g = o->groups; g < o->groups + o->group_count; g++)
         vcache_learn(o->set, &g->cells, o->picks + g->pick, o->answers + g->pick, g[1].pick - g->pick);
 }
