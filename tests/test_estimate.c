@@ -377,13 +377,55 @@ static void budget_limits(void **state)
     assert_memory_equal(&b, &typical, sizeof b); /* one odd pixel does not spoil the rest */
 }
 
+/* What is found of lights of one state is expected of that state soon, and of no other. */
+static void predictors_adapt(void **state)
+{
+    (void)state;
+    enum { COUNT = 200 };
+    for (vcache_drawing drawing = VCACHE_DRAW_UNCERTAIN; drawing <= VCACHE_DRAW_BRIGHT; drawing++) {
+        bench b = make_bench(COUNT, 1 << 10, VCACHE_ISA_ALL);
+        vcache_predictor_destroy(&b.predictor);
+        assert_int_equal(vcache_predictor_create(b.set, drawing, &b.predictor, NULL), VCACHE_OK);
+        for (uint32_t i = 0; i < COUNT; i++)
+            b.contribution[i] = 1.0f;
+        vcache_prediction p = predict_at(&b, 0.3, 0.4);
+        learn_one(&b, &p.cells, 1, VCACHE_VISIBLE);
+        p = predict_at(&b, 0.3, 0.4);
+        const float unknown = p.mean[0], seen = p.mean[1];
+        vcache_pick picks[64];
+        vcache_answer answers[64];
+        for (int round = 0; round < 200; round++) {
+            uint32_t n = vcache_pick_lights(b.predictor, 40.0f, 1, (round + 0.5) / 200.0, picks, 64);
+            for (uint32_t k = 0; k < n; k++) {
+                bool known = picks[k].light == 1 && drawing != VCACHE_DRAW_BRIGHT;
+                assert_int_equal(picks[k].state, known ? 0x3f : 0);
+                answers[k] = VCACHE_BLOCKED;
+                if (known) /* as if it had not been asked */
+                    answers[k] = VCACHE_BLOCKED | VCACHE_ONCE;
+            }
+            vcache_adapt(b.predictor, picks, answers, n);
+            assert_true(p.mean[0] == unknown); /* until the next prediction */
+        }
+        p = predict_at(&b, 0.3, 0.4);
+        float d = deviation_of(p.mean[0]);
+        assert_true(p.mean[1] == seen);
+        if (drawing == VCACHE_DRAW_UNCERTAIN)
+            assert_true(p.mean[0] < 0.01f && p.mean[0] > 0.0f && d < 0.15f && d > 0.02f);
+        else if (drawing == VCACHE_DRAW_VISIBLE)
+            assert_true(p.mean[0] < 1e-17f && d < 0.15f && d > 0.02f);
+        else
+            assert_true(p.mean[0] == unknown);
+        free_bench(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(arguments),          cmocka_unit_test(sequences),           cmocka_unit_test(together),
         cmocka_unit_test(answers_of_add_set), cmocka_unit_test(what_writes_nothing), cmocka_unit_test(clears_and_salts),
         cmocka_unit_test(predictions),        cmocka_unit_test(what_cells_agree_on), cmocka_unit_test(budgets),
-        cmocka_unit_test(budget_limits),
+        cmocka_unit_test(budget_limits),      cmocka_unit_test(predictors_adapt),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,6 +3,7 @@
 #include "whitted.h"
 
 #include "../common/interrupt.h"
+#include "../common/sobol.h"
 #include "../../halton/halton.h"
 
 /* A branch that brings less than this to its pixel is not followed. */
@@ -122,11 +123,6 @@ static void send(path *p, vec3 direction, primary w)
         trace_waiting(p);
 }
 
-static float fraction(float x)
-{
-    return x - floorf(x);
-}
-
 void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, tile_pixels *pixels)
 {
     const settings *f = &v->settings;
@@ -135,15 +131,15 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
     eye_samples late = {0};
     out->count = 0;
     path p = {.view = v, .first = out, .late = &late, .pixels = pixels, .share = 1.0f / (float)f->spp};
-    float across[PASS], along[PASS];
+    uint32_t across[PASS], along[PASS];
     packet_init(&p.packet);
     for (int k = 0; k < GROUP; k++) {
         p.packet.org_x[k] = v->camera.eye.x, p.packet.org_y[k] = v->camera.eye.y, p.packet.org_z[k] = v->camera.eye.z;
         p.packet.tfar[k] = INFINITY;
     }
     for (int i = 0; i < count; i++) {
-        across[i] = (float)halton_radical_inverse2((uint64_t)(first + i));
-        along[i] = (float)halton_radical_inverse3((uint64_t)(first + i));
+        across[i] = sobol_reverse((uint32_t)(first + i));
+        along[i] = sobol_second((uint32_t)(first + i));
     }
     for (uint64_t code = 0; code < (uint64_t)TILE * TILE && !interrupted(); code++) {
         uint32_t x, y;
@@ -151,14 +147,14 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
         if (x >= t.width || y >= t.height)
             continue;
         uint64_t index = (uint64_t)(t.y + y) * f->width + t.x + x;
-        rng shift = rng_make(f->seed, index);
-        float shift_x = rng_float(&shift), shift_y = rng_float(&shift);
+        rng seeds = rng_make(f->seed, index);
+        uint32_t seed_x = rng_u32(&seeds), seed_y = rng_u32(&seeds);
         for (int i = 0; i < count; i++) {
-            /* Halton points, shifted at random in each pixel; one sample alone stands in the middle. */
+            /* One sample alone stands in the middle. */
             float u = 0.5f, w = 0.5f;
             if (f->spp > 1) {
-                u = fraction(across[i] + shift_x);
-                w = fraction(along[i] + shift_y);
+                u = sobol_float(sobol_scramble(across[i], seed_x));
+                w = sobol_float(sobol_scramble(along[i], seed_y));
             }
             float dx = ((float)(t.x + x) + u - 0.5f * (float)f->width) * pixel;
             float dy = (0.5f * (float)f->height - (float)(t.y + y) - w) * pixel;
