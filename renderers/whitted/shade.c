@@ -143,7 +143,7 @@ void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t
     }
 }
 
-CLONES float shade_total(const float *values, uint32_t count)
+CLONES static float total(const float *values, uint32_t count)
 {
     float lane[16] = {0}, sum = 0.0f;
     for (uint32_t i = 0; i < count; i += 16)
@@ -154,10 +154,21 @@ CLONES float shade_total(const float *values, uint32_t count)
     return sum;
 }
 
-CLONES void shade_lift(float *values, uint32_t count, float least)
+CLONES static void lift(float *values, uint32_t count, float least)
 {
     for (uint32_t i = 0; i < count; i++)
         values[i] = values[i] > least ? values[i] : least;
+}
+
+/* Clones are static: compilers name others in ways of their own. */
+float shade_total(const float *values, uint32_t count)
+{
+    return total(values, count);
+}
+
+void shade_lift(float *values, uint32_t count, float least)
+{
+    lift(values, count, least);
 }
 
 /* Each bit as 0 or 1. */
