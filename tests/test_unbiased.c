@@ -138,6 +138,8 @@ static double visit(hall *h, vcache_predictor *predictor, float *contribution, f
         estimate += weight * ((answers[k] ? contribution_at(h, i, picks[k].sample) : 0.0) - there);
     }
     vcache_learn(h->b.set, &p.cells, picks, answers, n);
+    if (h->flaw == RIGHT) /* where what is expected is right on average, flaws would hide */
+        vcache_adapt(predictor, picks, answers, n);
     return (estimate - exact) / h->samples;
 }
 

@@ -156,9 +156,7 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
 }
 
 /* The light of a word whose weight lies around `at` on a line along which all weights of the word lie side by side,
- * lane by lane; *end becomes where its weight ends, *weight what it is. Without a branch on where that is: it is
- * random.
- */
+ * lane by lane; *end becomes where its weight ends, *weight what it is. No branch on where that is: it is random. */
 static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, float *end, float *weight)
 {
     enum { PARTS = 64 / LANES };

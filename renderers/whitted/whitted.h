@@ -238,8 +238,7 @@ bool visibility_steps_aside(visibility *o);
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
 
-/* -------------------------------------------------------------------------------------------- estimate (estimator.c)
- */
+/* ------------------------------------------------------------------------------------------- estimate (estimator.c) */
 
 /* One thread's means of estimating the light of all virtual and punctual lights without bias. */
 typedef struct estimator estimator;
