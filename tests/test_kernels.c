@@ -15,10 +15,11 @@ static const kernels *of_set(int i)
 #if defined(KERNELS_X86)
     __builtin_cpu_init();
     if (i == 1)
-        return __builtin_cpu_supports("avx2") ? &kernels_avx2 : NULL;
+        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("popcnt") ? &kernels_avx2 : NULL;
     if (i == 2)
         return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-                       __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")
+                       __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") &&
+                       __builtin_cpu_supports("popcnt")
                    ? &kernels_avx512
                    : NULL;
 #endif
@@ -209,6 +210,30 @@ static void decide_by_every_set(void **state)
             }
 }
 
+/* --------------------------------------------------------------------------------------------------------- tally */
+
+/* Unknown: nothing; blocked: asked; both: asked, seen once; visible: asked, seen twice. */
+static void tally_counts_states(void **state)
+{
+    (void)state;
+    uint64_t seed = 5;
+    for (uint32_t words = 0; words <= WORDS_MAX; words++)
+        for (int s = 0; s < SETS; s++) {
+            if (!of_set(s))
+                continue;
+            const uint64_t *known = random_words(&seed, words, 0), *visible = random_words(&seed, words, 0);
+            uint32_t expected[2] = {0, 0}, asked = 7, seen = 7;
+            for (uint32_t i = 0; i < 64 * words; i++) {
+                static const uint32_t adds[4][2] = {{0, 0}, {1, 0}, {1, 1}, {1, 2}};
+                uint32_t of = (uint32_t)(known[i / 64] >> i % 64 & 1) | (uint32_t)(visible[i / 64] >> i % 64 & 1) << 1;
+                expected[0] += adds[of][0], expected[1] += adds[of][1];
+            }
+            of_set(s)->tally(known, visible, words, &asked, &seen);
+            assert_true(asked == expected[0] && seen == expected[1]);
+            arena_empty();
+        }
+}
+
 /* -------------------------------------------------------------------------------------------------------- predict */
 
 typedef struct predict_case {
@@ -347,6 +372,7 @@ int main(void)
         cmocka_unit_test(near_by_every_set),    cmocka_unit_test(decide_is_algorithm_2),
         cmocka_unit_test(decide_by_every_set),  cmocka_unit_test(predict_is_a_sum),
         cmocka_unit_test(predict_by_every_set), cmocka_unit_test(results_are_the_same_everywhere),
+        cmocka_unit_test(tally_counts_states),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

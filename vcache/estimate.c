@@ -65,11 +65,16 @@ void predict_states(vcache_drawing drawing, const float share[STATES], float sta
     }
 }
 
+/* Where little was visible so far, little more will be: each of so many classes of cells, by the share seen visible of
+ * what the finest cell has asked for, has expectations of its own. */
+enum { CLASSES = 8 };
+
 struct vcache_predictor {
-    float states[STATES]; /* predict_input.table */
+    float states[CLASSES][STATES]; /* predict_input.table */
+    uint32_t class;                /* of the last prediction */
     vcache_drawing drawing;
-    uint64_t adapted, adapt_at; /* answers so far, and with how many the table is made again */
-    float counts[STATES][2];    /* of blocked and of visible answers */
+    uint64_t adapted, adapt_at;       /* answers so far, and with how many the table is made again */
+    float counts[CLASSES][STATES][2]; /* of blocked and of visible answers */
     vcache_light_set *set;
     size_t bytes;
     uint64_t *rows; /* known and visible words of the three cells */
@@ -98,7 +103,8 @@ vcache_status vcache_predictor_create(vcache_light_set *set, vcache_drawing draw
     if (!block)
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a predictor");
     vcache_predictor *p = (vcache_predictor *)(void *)block;
-    predict_states(drawing, NULL, p->states);
+    for (int i = 0; i < CLASSES; i++)
+        predict_states(drawing, NULL, p->states[i]);
     p->drawing = drawing;
     p->adapt_at = ADAPT_FIRST;
     p->set = set;
@@ -129,7 +135,7 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
 {
     const vcache_light_set *set = p->set;
     vcache_prediction out = {.mean = p->mean};
-    predict_input in = {.words = set->words, .table = p->states, .contribution = contribution};
+    predict_input in = {.words = set->words, .contribution = contribution};
     uint64_t epoch_key = atomic_load_explicit(&set->cache->epoch_key, memory_order_acquire);
     if (p->drawing != VCACHE_DRAW_BRIGHT && eye_cells(set->cache, eye, ce, salt, out.cells.key))
         for (int i = 0; i < VCACHE_CELLS; i++) {
@@ -145,6 +151,10 @@ vcache_prediction vcache_predict(vcache_predictor *p, const vcache_surface *eye,
         else
             memset(row, 0, 2 * set->words * sizeof *row);
     }
+    uint32_t asked, seen; /* a cell that knows nothing is in the middle class */
+    set->cache->kernels->tally(in.known[0], in.visible[0], set->words, &asked, &seen);
+    p->class = (seen + 4) * CLASSES / (2 * asked + 8 + 1);
+    in.table = p->states[p->class];
     const predict_output to = {p->mean, p->sums};
     out.expected = set->cache->kernels->predict(&in, &to);
     p->contribution = contribution;
@@ -183,7 +193,7 @@ static uint32_t find_light(const vcache_predictor *p, uint32_t word, float at, f
 static uint32_t state_of(const vcache_predictor *p, uint32_t light)
 {
     const uint64_t *known = p->rows + light / 64;
-    uint32_t state = 0;
+    uint32_t state = p->class * STATES;
     for (uint32_t k = 0; k < VCACHE_CELLS; k++, known += 2 * p->set->words)
         state |= (uint32_t)(known[0] >> light % 64 & 1) << 2 * k | (uint32_t)(known[p->set->words] >> light % 64 & 1)
                                                                        << (2 * k + 1);
@@ -231,25 +241,45 @@ uint32_t vcache_pick_lights(const vcache_predictor *p, float rays, uint32_t samp
     return count;
 }
 
+/* Share of visible among the answers, `first` standing for ADAPT_PRIOR of them. */
+static float share_of(float first, const float answers[2])
+{
+    return (first * ADAPT_PRIOR + answers[1]) / (ADAPT_PRIOR + answers[0] + answers[1]);
+}
+
+/* What all classes have found of a state is what each of them begins with. */
+static void make_again(vcache_predictor *p)
+{
+    float share[CLASSES][STATES];
+    for (int i = 0; i < STATES; i++) {
+        float all[2] = {0.0f, 0.0f};
+        for (int c = 0; c < CLASSES; c++)
+            for (int k = 0; k < 2; k++)
+                all[k] += p->counts[c][i][k];
+        float first = share_of((float)visible_share[i] / 1000.0f, all);
+        for (int c = 0; c < CLASSES; c++) {
+            float *n = p->counts[c][i];
+            share[c][i] = share_of(first, n);
+            if (n[0] + n[1] > ADAPT_MOST) /* floats would stop counting; and scenes change */
+                n[0] *= 0.5f, n[1] *= 0.5f;
+        }
+    }
+    for (int c = 0; c < CLASSES; c++)
+        predict_states(p->drawing, share[c], p->states[c]);
+}
+
 /* Lights are drawn in proportion to contribution x deviation: shares of answers, not of lights, make the variance
  * least. The table is made again rarely, for that takes longer than counting. */
 void vcache_adapt(vcache_predictor *p, const vcache_pick *picks, const vcache_answer *answers, uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++)
         if (!(answers[i] & VCACHE_ONCE)) {
-            p->counts[picks[i].state % STATES][answers[i] & VCACHE_VISIBLE] += 1.0f;
+            p->counts[picks[i].state / STATES % CLASSES][picks[i].state % STATES][answers[i] & VCACHE_VISIBLE] += 1.0f;
             p->adapted++;
         }
     if (p->adapted < p->adapt_at)
         return;
-    float share[STATES];
-    for (int i = 0; i < STATES; i++) {
-        float first = (float)visible_share[i] / 1000.0f, *n = p->counts[i];
-        share[i] = (first * ADAPT_PRIOR + n[1]) / (ADAPT_PRIOR + n[0] + n[1]);
-        if (n[0] + n[1] > ADAPT_MOST) /* floats would stop counting; and scenes change */
-            n[0] *= 0.5f, n[1] *= 0.5f;
-    }
-    predict_states(p->drawing, share, p->states);
+    make_again(p);
     p->adapt_at = p->adapted + (p->adapted < ADAPT_STEP ? p->adapted : ADAPT_STEP);
 }
 

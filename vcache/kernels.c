@@ -51,6 +51,12 @@ static void decide_scalar(uint32_t words, uint32_t cells, const uint64_t *const 
     }
 }
 
+static void tally_scalar(const uint64_t *known, const uint64_t *visible, uint32_t words, uint32_t *asked,
+                         uint32_t *seen)
+{
+    tally_bits(known, visible, words, asked, seen);
+}
+
 static float predict_scalar(const predict_input *in, const predict_output *out)
 {
     float expected[LANES] = {0};
@@ -72,16 +78,16 @@ static float predict_scalar(const predict_input *in, const predict_output *out)
     return lanes_sum(expected);
 }
 
-const kernels kernels_scalar = {"scalar", near_scalar, decide_scalar, predict_scalar};
+const kernels kernels_scalar = {"scalar", near_scalar, decide_scalar, tally_scalar, predict_scalar};
 
 const kernels *kernels_choose(uint32_t isa)
 {
 #if defined(KERNELS_X86)
     __builtin_cpu_init();
     if (isa & VCACHE_ISA_AVX512 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("popcnt"))
         return &kernels_avx512;
-    if (isa & VCACHE_ISA_AVX2 && __builtin_cpu_supports("avx2"))
+    if (isa & VCACHE_ISA_AVX2 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("popcnt"))
         return &kernels_avx2;
 #endif
     (void)isa;

@@ -40,6 +40,8 @@ typedef struct kernels {
      * known[k], seen[k]: the cell (0) and its 4 neighbours; `cells` of them. */
     void (*decide)(uint32_t words, uint32_t cells, const uint64_t *const known[5], const uint64_t *const seen[5],
                    const uint64_t *rest, uint64_t *found, uint64_t *missing, uint64_t *differs);
+    /* How many lights a cell has asked for, and twice how many of them it saw: those seen both ways count half. */
+    void (*tally)(const uint64_t *known, const uint64_t *visible, uint32_t words, uint32_t *asked, uint32_t *seen);
     /* Returns the sum of contribution times mean. */
     float (*predict)(const predict_input *in, const predict_output *out);
 } kernels;
@@ -52,6 +54,17 @@ extern const kernels kernels_scalar;
 #define KERNELS_X86
 extern const kernels kernels_avx2, kernels_avx512;
 #endif
+
+/* kernels.tally, for each instruction set that counts bits its own way. */
+static inline __attribute__((always_inline)) void tally_bits(const uint64_t *known, const uint64_t *visible,
+                                                             uint32_t words, uint32_t *asked, uint32_t *seen)
+{
+    *asked = *seen = 0;
+    for (uint32_t w = 0; w < words; w++) {
+        *asked += (uint32_t)__builtin_popcountll(known[w] | visible[w]);
+        *seen += (uint32_t)(__builtin_popcountll(visible[w]) + __builtin_popcountll(known[w] & visible[w]));
+    }
+}
 
 /* The deviation that stands in the lower half of a mean. */
 static inline float deviation_of(float mean)

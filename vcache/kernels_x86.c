@@ -74,6 +74,12 @@ AVX512 static inline __m512 scan_avx512(__m512 v)
     return _mm512_add_ps(v, _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512(v), zero, 8)));
 }
 
+__attribute__((target("popcnt"))) static void tally_x86(const uint64_t *known, const uint64_t *visible, uint32_t words,
+                                                        uint32_t *asked, uint32_t *seen)
+{
+    tally_bits(known, visible, words, asked, seen);
+}
+
 /* States of 64 lights, a byte each. */
 AVX512 static inline __m512i states_avx512(const predict_input *in, uint32_t w)
 {
@@ -113,7 +119,7 @@ AVX512 static float predict_avx512(const predict_input *in, const predict_output
     return sum_avx512(expected);
 }
 
-const kernels kernels_avx512 = {"avx512", near_avx512, decide_avx512, predict_avx512};
+const kernels kernels_avx512 = {"avx512", near_avx512, decide_avx512, tally_x86, predict_avx512};
 
 /* ----------------------------------------------------------------------------------------------------------- AVX2 */
 
@@ -206,5 +212,5 @@ AVX2 static float predict_avx2(const predict_input *in, const predict_output *ou
     return lanes_sum(sum);
 }
 
-const kernels kernels_avx2 = {"avx2", near_avx2, decide_avx2, predict_avx2};
+const kernels kernels_avx2 = {"avx2", near_avx2, decide_avx2, tally_x86, predict_avx2};
 #endif

@@ -306,7 +306,8 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *
  * What an eye end knows of a light are the states of three cells around it (sides C_E, 4 C_E and 16 C_E eye samples),
  * each one of: unknown, seen visible, seen blocked, both. m is the share of visible rays that was measured for each of
- * the 64 combinations, in other scenes at first, then in this one (vcache_adapt). The rows are those of the light set;
+ * the 64 combinations, in other scenes at first, then in this one (vcache_adapt), apart for cells that found little and
+ * cells that found much of what they asked for visible. The rows are those of the light set;
  * a light that was seen both ways counts as unknown in vcache_add_set, whose answer replaces it. Nothing is answered by
  * the cache alone, so nearness needs no exception. For each eye sample:
  *   1. contribution[i] = f_i, 0 beyond the last light;
@@ -337,7 +338,7 @@ typedef struct vcache_prediction {
 typedef struct vcache_pick {
     uint32_t light;
     uint32_t sample; /* of those that share the prediction */
-    uint32_t state;  /* of the light in the three cells: for vcache_adapt */
+    uint32_t state;  /* of the light and its cells: for vcache_adapt */
     float weight;    /* 1 / p, at least 1 */
 } vcache_pick;
 
@@ -398,7 +399,9 @@ typedef struct vcache_budget {
 } vcache_budget;
 /* Rays for `samples` eye samples together, of each of which `error` = deviation x weight and `value` = expected x
  * weight. Each gets between rays / 10 and 4 rays, and `rays` on average. (A light that outweighs all others together
- * should not be among them: it would be drawn always, and its weight says nothing of the error.) */
+ * should not be among them: it would be drawn always, and its weight says nothing of the error. Where most light is
+ * blocked, doubts about lights that are never seen outweigh what is expected, and take rays from where there is light:
+ * `value` = (expected + a tenth of the sum of contributions) x weight avoids that.) */
 VCACHE_API float vcache_budget_rays(vcache_budget *budget, float error, float value, uint32_t samples);
 
 /* The same for pairs that nobody knows in advance: next-event estimation of a path tracer, connections of bidirectional

@@ -225,9 +225,9 @@ static uint32_t contributions(estimator *o, const eye_sample *middle)
 }
 
 /* All lights must be possible that one of a group may see, those behind the horizon of its middle as well. */
-static void keep_possible(estimator *o)
+static void keep_possible(estimator *o, float unoccluded)
 {
-    float mean = shade_total(o->contribution, vcache_light_set_padded(o->set)) / (float)o->lights;
+    float mean = unoccluded / (float)o->lights;
     float least = mean > 0.0f ? 1e-3f * mean : 1e-30f; /* in the dark: of no weight to the budget */
     shade_lift(o->contribution, o->vpls->count, least);
     shade_lift(o->contribution + o->vpls->padded, o->punctual_count, least);
@@ -265,6 +265,10 @@ static rgb expected_light(const estimator *o, const eye_sample *middle, const fl
     return sum;
 }
 
+/* In the dark what is left of doubt outweighs what is expected, and would take the rays from where there is light: this
+ * much of the light that might be there counts as expected. */
+static const float dark_share = 0.1f;
+
 /* What is expected goes to the pixels; what is drawn becomes corrections. Returns the number of picks. */
 static uint32_t predict(estimator *o, group *g, const eye_sample *const *eyes, tile_pixels *pixels)
 {
@@ -277,8 +281,9 @@ static uint32_t predict(estimator *o, group *g, const eye_sample *const *eyes, t
     if (!(tint > 0.0f))
         return 0;
     uint32_t asked = contributions(o, &middle);
+    float unoccluded = shade_total(o->contribution, vcache_light_set_padded(o->set));
     if (g->count > 1)
-        keep_possible(o);
+        keep_possible(o, unoccluded);
     else if (asked == 0)
         return 0;
 
@@ -298,7 +303,8 @@ static uint32_t predict(estimator *o, group *g, const eye_sample *const *eyes, t
     }
 
     vcache_pick *picks = o->picks + g->pick;
-    float rays = vcache_budget_rays(&o->budget, p.deviation * tint, p.expected * tint, g->count);
+    float value = p.expected + dark_share * unoccluded;
+    float rays = vcache_budget_rays(&o->budget, p.deviation * tint, value * tint, g->count);
     uint32_t n =
         vcache_pick_lights(o->predictor, rays, g->count, rng_double(&o->random), picks, g->count * o->capacity);
     for (uint32_t k = 0; k < n; k++) {
