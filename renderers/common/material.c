@@ -231,6 +231,19 @@ int material_specular(const surface *s, specular_branch branches[2])
     return count;
 }
 
+bool material_specular_sample(const surface *s, rng *r, rgb *throughput, specular_branch *out)
+{
+    specular_branch b[2];
+    int count = material_specular(s, b);
+    float first = count > 0 ? luminance(b[0].weight) : 0.0f;
+    float all = first + (count > 1 ? luminance(b[1].weight) : 0.0f);
+    if (!(all > 0.0f))
+        return false;
+    *out = b[count > 1 && rng_float(r) * all >= first];
+    *throughput = v3_scale(v3_mul(*throughput, out->weight), all / luminance(out->weight));
+    return true;
+}
+
 /* --- Summaries --- */
 
 rgb material_diffuse_albedo(const surface *s)

@@ -33,8 +33,9 @@ rgb material_eval_pdf(const surface *s, vec3 wi, float *pdf);
 /* Draws a non-specular wi; returns f cos / pdf, and 0 with *pdf = 0 where nothing can be drawn. */
 rgb material_sample(const surface *s, float u1, float u2, float u3, vec3 *wi, float *pdf);
 
-/* The discrete branches of a specular material: up to two (reflection, refraction) with their weights. Returns how many.
- * `eta` of a branch is the ratio of the index on the far side to the near side for a refraction, 1 for a reflection. */
+/* The discrete branches of a specular material: up to two (reflection, refraction) with their weights. Returns how
+ * many. `eta` of a branch is the ratio of the index on the far side to the near side for a refraction, 1 for a
+ * reflection. */
 typedef struct specular_branch {
     vec3 wi;
     rgb weight;
@@ -42,6 +43,10 @@ typedef struct specular_branch {
     float eta;
 } specular_branch;
 int material_specular(const surface *s, specular_branch branches[2]);
+/* Draws one of the branches in proportion to the luminance of its weight; takes a random number only where there are
+ * two. Multiplies *throughput by that weight over the branch's probability (out->weight stays what material_specular
+ * says). False where nothing goes on. */
+bool material_specular_sample(const surface *s, rng *r, rgb *throughput, specular_branch *out);
 
 /* The Lambertian albedo (0 for conductors and dielectrics): what a virtual point light there scatters with. */
 rgb material_diffuse_albedo(const surface *s);

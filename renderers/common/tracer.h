@@ -27,32 +27,38 @@ typedef struct ray_packet {
 bool tracer_create(const scene *s, int threads, tracer **out, message *err);
 void tracer_free(tracer *t);
 
-/* Call once in each thread that traces: flushes denormals to zero (x86; nothing elsewhere), as Embree asks for speed. */
+/* Call once in each thread that traces: flushes denormals to zero (x86; nothing elsewhere), as Embree asks for speed.
+ */
 void tracer_thread_init(void);
 
 /* Nearest hit of origin + t direction, 0 < t < tfar; direction unit. Sees all surfaces. */
 bool tracer_closest(const tracer *t, vec3 origin, vec3 direction, surface *hit);
-/* The same for the lanes of `active`; returns the mask of lanes that hit. Directions unit; the rest of `p` as below. Fast
- * where the rays run close together. */
+/* The same for the lanes of `active`; returns the mask of lanes that hit. Directions unit; the rest of `p` as below.
+ * Fast where the rays run close together. */
 uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active, surface hits[TRACER_PACKET]);
 /* The same through dielectrics, as shadow rays go. */
 bool tracer_closest_opaque(const tracer *t, vec3 origin, vec3 direction, surface *hit);
 
-/* The same as if emitters were all there is (dielectric ones, which tracer_closest_opaque does not see, are not either).
- * Where this misses, no emitter is hit; a hit counts if nothing is in front of it. */
+/* The same as if emitters were all there is (dielectric ones, which tracer_closest_opaque does not see, are not
+ * either). Where this misses, no emitter is hit; a hit counts if nothing is in front of it. */
 bool tracer_closest_emitter(const tracer *t, vec3 origin, vec3 direction, surface *hit);
 /* How far a shadow ray along the same direction may go so that the surface hit does not block it itself. */
 float surface_reach(const surface *hit);
 
 /* Shadow rays: surfaces of dielectrics do not block. True where something lies in (0, tfar). */
 bool tracer_occluded(const tracer *t, vec3 origin, vec3 direction, float tfar);
+/* The same with dielectrics blocking as all surfaces do. */
+bool tracer_occluded_solid(const tracer *t, vec3 origin, vec3 direction, float tfar);
 
 /* The same for the lanes of `active`; returns the mask of blocked lanes. tnear, mask, id, flags and time are set by
- * packet_init once. `p` is unchanged but for tfar of blocked lanes. */
+ * packet_init or packet_init_solid once: rays as of tracer_occluded, tracer_occluded_solid. `p` is unchanged but for
+ * tfar of blocked lanes. */
 void packet_init(ray_packet *p);
+void packet_init_solid(ray_packet *p);
 uint32_t tracer_occluded16(const tracer *t, ray_packet *p, uint32_t active, bool coherent);
 
-/* `position` moved off the surface to the side of `toward` (any direction) so that no ray from there meets its own triangle. */
+/* `position` moved off the surface to the side of `toward` (any direction) so that no ray from there meets its own
+ * triangle. */
 vec3 surface_offset(const surface *s, vec3 toward);
 
 #endif

@@ -9,6 +9,7 @@
 /* Ray masks: shadow rays pass through dielectrics. */
 #define MASK_OPAQUE 1u
 #define MASK_DIELECTRIC 2u
+#define MASK_ALL (MASK_OPAQUE | MASK_DIELECTRIC)
 
 typedef struct placement {
     bool mirrored;

@@ -159,7 +159,7 @@ static bool closest(const tracer *t, RTCScene in, vec3 origin, vec3 direction, u
 
 bool tracer_closest(const tracer *t, vec3 origin, vec3 direction, surface *hit)
 {
-    return closest(t, t->top, origin, direction, MASK_OPAQUE | MASK_DIELECTRIC, hit);
+    return closest(t, t->top, origin, direction, MASK_ALL, hit);
 }
 
 bool tracer_closest_opaque(const tracer *t, vec3 origin, vec3 direction, surface *hit)
@@ -180,11 +180,21 @@ float surface_reach(const surface *hit)
     return float_max(0.0f, reach);
 }
 
-bool tracer_occluded(const tracer *t, vec3 origin, vec3 direction, float tfar)
+static bool occluded(const tracer *t, vec3 origin, vec3 direction, float tfar, unsigned mask)
 {
-    struct RTCRay r = make_ray(origin, direction, tfar, MASK_OPAQUE);
+    struct RTCRay r = make_ray(origin, direction, tfar, mask);
     embree_occluded1(t->top, &r);
     return r.tfar == -INFINITY;
+}
+
+bool tracer_occluded(const tracer *t, vec3 origin, vec3 direction, float tfar)
+{
+    return occluded(t, origin, direction, tfar, MASK_OPAQUE);
+}
+
+bool tracer_occluded_solid(const tracer *t, vec3 origin, vec3 direction, float tfar)
+{
+    return occluded(t, origin, direction, tfar, MASK_ALL);
 }
 
 /* The lanes that hit, of rays already in Embree's layout. */
@@ -228,7 +238,7 @@ uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active,
     memcpy(&r.ray, p, sizeof r.ray);
     memset(&r.hit, 0xff, sizeof r.hit); /* invalid ids */
     for (uint32_t i = 0; i < TRACER_PACKET; i++)
-        r.ray.mask[i] = MASK_OPAQUE | MASK_DIELECTRIC;
+        r.ray.mask[i] = MASK_ALL;
     uint32_t hit = intersect16(t, t->top, &r, active);
     facet last = {.primitive = RTC_INVALID_GEOMETRY_ID};
     for (uint32_t lanes = hit; lanes; lanes &= lanes - 1) {
@@ -242,11 +252,21 @@ uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active,
     return hit;
 }
 
-void packet_init(ray_packet *p)
+static void init_with(ray_packet *p, uint32_t mask)
 {
     memset(p, 0, sizeof *p);
     for (int i = 0; i < TRACER_PACKET; i++)
-        p->mask[i] = MASK_OPAQUE;
+        p->mask[i] = mask;
+}
+
+void packet_init(ray_packet *p)
+{
+    init_with(p, MASK_OPAQUE);
+}
+
+void packet_init_solid(ray_packet *p)
+{
+    init_with(p, MASK_ALL);
 }
 
 /* Where 16 rays are not native: the same packet in parts of 8, 4 or 1, each with the layout of its width. */

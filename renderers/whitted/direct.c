@@ -2,6 +2,7 @@
 /* Direct light: punctual lights, and Monte Carlo samples of emitters and environment (Veach 1997, Sect. 9.2). */
 #include "whitted.h"
 
+#include "../common/light_sources.h"
 #include "../../halton/halton.h"
 
 enum { QUEUE = 64 };
@@ -32,14 +33,6 @@ static rgb response(const eye_sample *e, vec3 wi, float *pdf)
     return v3_scale(v3_mul(e->weight, material_eval_pdf(&e->surface, wi, pdf)), cosine);
 }
 
-float direct_spot(const light *l, vec3 direction)
-{
-    float range = l->cos_inner - l->cos_outer, cosine = v3_dot(direction, l->direction);
-    float ramp = range > 1e-6f ? (cosine - l->cos_outer) / range : cosine > l->cos_outer ? 1.0f : 0.0f;
-    ramp = float_min(1.0f, float_max(0.0f, ramp));
-    return ramp * ramp;
-}
-
 /* `albedo`: weight times BRDF where that is `diffuse`. */
 static inline light_sample punctual(const eye_sample *e, const light *l, bool diffuse, rgb albedo)
 {
@@ -61,7 +54,7 @@ static inline light_sample punctual(const eye_sample *e, const light *l, bool di
     if (!(cosine > 0.0f) || !(v3_dot(e->surface.geometric_normal, wi) > 0.0f))
         return out;
     if (l->kind == LIGHT_SPOT)
-        fall_off *= direct_spot(l, v3_neg(wi));
+        fall_off *= spot_fall_off(l, v3_neg(wi));
     out.value = diffuse ? v3_scale(v3_mul(albedo, l->intensity), cosine * fall_off)
                         : v3_scale(v3_mul(response(e, wi, &unused), l->intensity), fall_off);
     return out;
@@ -83,13 +76,6 @@ void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uin
         if (asked)
             asked[i / 64] |= (uint64_t)(v3_max_component(out[i].value) > 0.0f) << i % 64;
     }
-}
-
-/* Keeps the end of a shadow ray off the emitter: a few ulp of its largest coordinate. */
-static vec3 off_surface(vec3 p, vec3 n)
-{
-    vec3 a = v3(fabsf(p.x), fabsf(p.y), fabsf(p.z));
-    return v3_mad(p, 0x1p-19f * v3_max_component(a), n);
 }
 
 /* ------------------------------------------------------------------------------------------------- light samples */
@@ -135,7 +121,7 @@ static void draw_emitter(const view *v, chunk *c, uint32_t e, uint32_t slot, flo
     const eye_sample *eye = c->eyes[e];
     float n = (float)v->settings.light_samples, rival;
     emitter_sample l = emitters_sample(v->emitters, float_min(u1, 0x1.fffffep-1f), u2, u3);
-    light_sample s = {.target = off_surface(l.position, l.normal)};
+    light_sample s = {.target = emitter_offset(&l)};
     vec3 d = v3_sub(l.position, eye->origin);
     float r2 = v3_dot(d, d), away = -v3_dot(d, l.normal);
     if (away > 0.0f && r2 > 0.0f) {

@@ -2,6 +2,7 @@
 /* Whitted-style eye paths into a deep buffer: through mirrors and glass to the surfaces that are lit. */
 #include "whitted.h"
 
+#include "../common/camera.h"
 #include "../common/interrupt.h"
 #include "../common/sobol.h"
 #include "../../halton/halton.h"
@@ -126,15 +127,14 @@ static void send(path *p, vec3 direction, primary w)
 void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, tile_pixels *pixels)
 {
     const settings *f = &v->settings;
-    vec3 right = v3_cross(v->camera.forward, v->camera.up);
-    float height = 2.0f * tanf(0.5f * v->camera.yfov), pixel = height / (float)f->height;
+    const camera_frame c = camera_frame_of(&v->camera, f->width, f->height);
     eye_samples late = {0};
     out->count = 0;
     path p = {.view = v, .first = out, .late = &late, .pixels = pixels, .share = 1.0f / (float)f->spp};
     uint32_t across[PASS], along[PASS];
     packet_init(&p.packet);
     for (int k = 0; k < GROUP; k++) {
-        p.packet.org_x[k] = v->camera.eye.x, p.packet.org_y[k] = v->camera.eye.y, p.packet.org_z[k] = v->camera.eye.z;
+        p.packet.org_x[k] = c.eye.x, p.packet.org_y[k] = c.eye.y, p.packet.org_z[k] = c.eye.z;
         p.packet.tfar[k] = INFINITY;
     }
     for (int i = 0; i < count; i++) {
@@ -156,15 +156,13 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
                 u = sobol_float(sobol_scramble(across[i], seed_x));
                 w = sobol_float(sobol_scramble(along[i], seed_y));
             }
-            float dx = ((float)(t.x + x) + u - 0.5f * (float)f->width) * pixel;
-            float dy = (0.5f * (float)f->height - (float)(t.y + y) - w) * pixel;
-            vec3 direction = v3_mad(v3_mad(v->camera.forward, dx, right), dy, v->camera.up);
-            /* A pixel subtends pixel^2 cos^3 steradians at the angle from the axis. */
-            float length = v3_length(direction);
-            send(&p, v3_scale(direction, 1.0f / length),
+            float dx = ((float)(t.x + x) + u - 0.5f * (float)f->width) * c.pixel;
+            float dy = (0.5f * (float)f->height - (float)(t.y + y) - w) * c.pixel, distance;
+            vec3 direction = camera_plane_direction(&c, dx, dy, &distance);
+            send(&p, direction,
                  (primary){.pixel = y * TILE + x,
                            .random = index * (uint64_t)f->spp + (uint64_t)(first + i),
-                           .spread = pixel / (length * sqrtf(length)),
+                           .spread = camera_spread(&c, distance),
                            .first = first + i == 0});
         }
     }

@@ -9,6 +9,8 @@
  */
 #include "whitted.h"
 
+#include "../common/camera.h"
+#include "../common/light_sources.h"
 #include "../common/parallel.h"
 
 #include <float.h>
@@ -47,9 +49,7 @@ typedef struct job {
     float clamp;
     uint64_t first_path;
     candidates *blocks;
-    float power_emitters, power_environment, *power_lights, power_total;
-    vec3 center;
-    float radius;
+    light_sources *sources; /* NULL: nothing emits */
 } job;
 
 static void push(candidates *c, candidate item)
@@ -67,11 +67,9 @@ static void push(candidates *c, candidate item)
 static bool pilot(const view *v, uint64_t index, eye_sample *out)
 {
     rng r = rng_make(v->settings.seed ^ 0x70696c6f74u, index);
-    vec3 right = v3_cross(v->camera.forward, v->camera.up);
-    float h = 2.0f * tanf(0.5f * v->camera.yfov), w = h * (float)v->settings.width / (float)v->settings.height;
-    vec3 d = v3_mad(v->camera.forward, (rng_float(&r) - 0.5f) * w, right);
-    d = v3_normalize(v3_mad(d, (rng_float(&r) - 0.5f) * h, v->camera.up));
-    vec3 o = v->camera.eye;
+    camera_frame f = camera_frame_of(&v->camera, v->settings.width, v->settings.height);
+    float across = (rng_float(&r) - 0.5f) * f.plane_width, along = (rng_float(&r) - 0.5f) * f.plane_height, distance;
+    vec3 o = f.eye, d = camera_plane_direction(&f, across, along, &distance);
     rgb weight = {1, 1, 1};
     for (int depth = 0; depth < DEPTH_MAX; depth++) {
         surface s;
@@ -81,18 +79,11 @@ static bool pilot(const view *v, uint64_t index, eye_sample *out)
             *out = (eye_sample){.surface = s, .origin = surface_offset(&s, s.geometric_normal), .weight = weight};
             return material_reflectance(&s) > 0.0f;
         }
-        specular_branch b[2];
-        int n = material_specular(&s, b), chosen = 0;
-        if (n == 0)
+        specular_branch b;
+        if (!material_specular_sample(&s, &r, &weight, &b))
             return false;
-        float first = luminance(b[0].weight), all = first + (n > 1 ? luminance(b[1].weight) : 0.0f);
-        if (!(all > 0.0f))
-            return false;
-        if (n > 1 && rng_float(&r) * all >= first)
-            chosen = 1;
-        weight = v3_scale(v3_mul(weight, b[chosen].weight), all / luminance(b[chosen].weight));
-        o = surface_offset(&s, b[chosen].wi);
-        d = b[chosen].wi;
+        o = surface_offset(&s, b.wi);
+        d = b.wi;
     }
     return false;
 }
@@ -125,103 +116,17 @@ static float weigh(const job *j, const candidate *c)
 
 /* ------------------------------------------------------------------------------------------------- light paths */
 
-static vec3 cosine_direction(vec3 n, float u1, float u2)
-{
-    vec3 t, b;
-    v3_basis(n, &t, &b);
-    float radius = sqrtf(u1), phi = 2.0f * PI_F * u2;
-    vec3 flat = v3_add(v3_scale(t, radius * cosf(phi)), v3_scale(b, radius * sinf(phi)));
-    return v3_normalize(v3_mad(flat, sqrtf(fmaxf(0.0f, 1.0f - u1)), n));
-}
-
-static vec3 sphere_direction(float u1, float u2)
-{
-    float z = 1.0f - 2.0f * u1, s = sqrtf(fmaxf(0.0f, 1.0f - z * z)), phi = 2.0f * PI_F * u2;
-    return v3(s * cosf(phi), s * sinf(phi), z);
-}
-
-/* A point of the disc that faces `direction` behind the scene's bounding sphere. */
-static vec3 disc_origin(const job *j, vec3 direction, float u1, float u2)
-{
-    vec3 t, b;
-    v3_basis(direction, &t, &b);
-    float radius = j->radius * sqrtf(u1), phi = 2.0f * PI_F * u2;
-    vec3 p = v3_mad(j->center, -2.0f * j->radius, direction);
-    return v3_add(p, v3_add(v3_scale(t, radius * cosf(phi)), v3_scale(b, radius * sinf(phi))));
-}
-
-static void powers(job *j)
-{
-    const scene *s = j->v->scene;
-    float disc = PI_F * j->radius * j->radius;
-    j->power_emitters = emitters_power(j->v->emitters);
-    /* its lights emit in its place */
-    j->power_environment = s->environment && !j->v->settings.env_lights
-                               ? 4.0f * PI_F * disc * luminance(environment_mean(s->environment))
-                               : 0.0f;
-    j->power_total = j->power_emitters + j->power_environment;
-    j->power_lights = xcalloc(s->light_count + 1, sizeof *j->power_lights);
-    for (uint32_t i = 0; i < s->light_count; i++) {
-        float extent = s->lights[i].kind == LIGHT_DIRECTIONAL ? disc : 4.0f * PI_F;
-        j->power_lights[i] = extent * luminance(s->lights[i].intensity);
-        j->power_total += j->power_lights[i];
-    }
-}
-
-/* Ray and flux of a light path; black where nothing is emitted that way. */
-static rgb emit(const job *j, rng *r, vec3 *origin, vec3 *direction)
-{
-    const view *v = j->v;
-    float choice = rng_float(r) * j->power_total;
-    float u1 = rng_float(r), u2 = rng_float(r), u3 = rng_float(r), u4 = rng_float(r), u5 = rng_float(r);
-    if (choice < j->power_emitters) {
-        emitter_sample s = emitters_sample(v->emitters, u1, u2, u3);
-        *direction = cosine_direction(s.normal, u4, u5);
-        vec3 a = v3(fabsf(s.position.x), fabsf(s.position.y), fabsf(s.position.z));
-        *origin = v3_mad(s.position, 0x1p-19f * v3_max_component(a), s.normal);
-        return v3_scale(s.radiance, PI_F / s.pdf_area * j->power_total / j->power_emitters);
-    }
-    choice -= j->power_emitters;
-    for (uint32_t i = 0; i < v->scene->light_count; choice -= j->power_lights[i], i++) {
-        const light *l = &v->scene->lights[i];
-        if (!(choice < j->power_lights[i]))
-            continue;
-        float scale = j->power_total / j->power_lights[i];
-        if (l->kind == LIGHT_DIRECTIONAL) {
-            *direction = l->direction;
-            *origin = disc_origin(j, l->direction, u1, u2);
-            return v3_scale(l->intensity, PI_F * j->radius * j->radius * scale);
-        }
-        *origin = l->position;
-        *direction = sphere_direction(u1, u2);
-        if (l->kind == LIGHT_SPOT) {
-            /* uniform in the outer cone; its fall-off is direct_punctual's */
-            vec3 t, b;
-            v3_basis(l->direction, &t, &b);
-            float z = 1.0f - u1 * (1.0f - l->cos_outer), s = sqrtf(fmaxf(0.0f, 1.0f - z * z));
-            vec3 flat = v3_add(v3_scale(t, s * cosf(2.0f * PI_F * u2)), v3_scale(b, s * sinf(2.0f * PI_F * u2)));
-            *direction = v3_normalize(v3_mad(flat, z, l->direction));
-            scale *= 0.5f * (1.0f - l->cos_outer) * direct_spot(l, *direction);
-        }
-        return v3_scale(l->intensity, 4.0f * PI_F * scale);
-    }
-    if (!(j->power_environment > 0.0f))
-        return v3(0, 0, 0);
-    rgb radiance;
-    float pdf;
-    vec3 to_light = environment_sample(v->scene->environment, u1, u2, &radiance, &pdf);
-    if (!(pdf > 0.0f))
-        return v3(0, 0, 0);
-    *direction = v3_neg(to_light);
-    *origin = disc_origin(j, *direction, u3, u4);
-    return v3_scale(radiance, PI_F * j->radius * j->radius / pdf * j->power_total / j->power_environment);
-}
-
 static void light_path(const job *j, uint64_t index, candidates *out)
 {
     rng r = rng_make(j->v->settings.seed ^ 0x76706cu, index);
-    vec3 o, d;
-    rgb flux = emit(j, &r, &o, &d);
+    float u[6];
+    for (int i = 0; i < 6; i++)
+        u[i] = rng_float(&r);
+    light_emission y;
+    if (!light_sources_emit(j->sources, u, &y))
+        return;
+    vec3 o = y.origin, d = y.direction;
+    rgb flux = y.flux;
     for (int depth = 0; depth < DEPTH_MAX && v3_max_component(flux) > 0.0f; depth++) {
         surface s;
         if (!tracer_closest(j->v->tracer, o, d, &s))
@@ -240,17 +145,10 @@ static void light_path(const job *j, uint64_t index, candidates *out)
             return;
         flux = v3_scale(flux, 1.0f / survive);
         if (material_is_specular(s.material)) {
-            specular_branch b[2];
-            int n = material_specular(&s, b), chosen = 0;
-            if (n == 0)
+            specular_branch b;
+            if (!material_specular_sample(&s, &r, &flux, &b))
                 return;
-            float first = luminance(b[0].weight), all = first + (n > 1 ? luminance(b[1].weight) : 0.0f);
-            if (n > 1 && rng_float(&r) * all >= first)
-                chosen = 1;
-            if (!(luminance(b[chosen].weight) > 0.0f))
-                return;
-            flux = v3_scale(v3_mul(flux, b[chosen].weight), all / luminance(b[chosen].weight));
-            d = b[chosen].wi;
+            d = b.wi;
         } else {
             float pdf, u1 = rng_float(&r), u2 = rng_float(&r), u3 = rng_float(&r);
             rgb weight = material_sample(&s, u1, u2, u3, &d, &pdf);
@@ -278,7 +176,7 @@ static candidates trace_candidates(job *j, uint32_t wanted, uint64_t *paths)
     size_t blocks = (wanted + BLOCK - 1) / BLOCK + 4, seen = 0;
     uint64_t limit = (uint64_t)256 * wanted + 65536;
     *paths = 0;
-    while (seen < 6 * (size_t)wanted && *paths < limit && j->power_total > 0.0f) {
+    while (j->sources && seen < 6 * (size_t)wanted && *paths < limit) {
         j->blocks = xcalloc(blocks, sizeof *j->blocks);
         j->first_path = *paths;
         parallel_for(j->v->settings.threads, blocks, trace_block, j);
@@ -432,9 +330,8 @@ vpl_set vpls_new(const view *v)
 {
     job j = {.v = v};
     vec3 size = v3_sub(v->scene->bounds_max, v->scene->bounds_min);
-    j.center = v3_mad(v->scene->bounds_min, 0.5f, size);
-    j.radius = 0.5f * v3_length(size);
-    j.clamp = clamp_radius * clamp_radius * j.radius * j.radius;
+    float radius = 0.5f * v3_length(size);
+    j.clamp = clamp_radius * clamp_radius * radius * radius;
     candidates all = {0};
     uint64_t paths = 1;
     uint32_t wanted = (uint32_t)v->settings.vpls;
@@ -442,10 +339,11 @@ vpl_set vpls_new(const view *v)
         tracer_thread_init();
         for (uint64_t i = 0; i < 16 * PILOTS && j.pilot_count < PILOTS; i++)
             j.pilot_count += pilot(v, i, &j.pilots[j.pilot_count]);
-        powers(&j);
+        /* where the environment is directional lights, these emit in its place */
+        j.sources = light_sources_new(v->scene, v->emitters, !v->settings.env_lights);
         if (j.pilot_count > 0)
             all = trace_candidates(&j, wanted, &paths);
-        free(j.power_lights);
+        light_sources_free(j.sources);
         resample(&all, wanted, v->settings.seed);
         sort_by_place(&all, v->scene->bounds_min, size);
     }

@@ -197,9 +197,6 @@ uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
 /* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. */
 void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked);
-/* Fall-off of a spot light between its cones, as KHR_lights_punctual recommends: the square of a linear ramp of the
- * cosine. `direction` is the way the light travels. */
-float direct_spot(const light *l, vec3 direction);
 /* For the eye samples of a chunk that reflect: samples of emitters (density per area, normal) and of the environment
  * (density per steradian), with their asked bits, and one direction each drawn by the material and traced; all weighted
  * by the balance heuristic. */
