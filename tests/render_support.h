@@ -15,70 +15,7 @@
 #include <stdio.h>
 #include <cmocka.h> /* after ours: it defines a macro fail() */
 
-/* --------------------------------------------------------------------------------------------------------- shapes */
-
-static inline uint32_t add_material(scene *s, material_kind kind, float color)
-{
-    return scene_add_material(s, plain_material(kind, v3(color, color, color)));
-}
-
-static inline void add_triangles(scene *s, const vec3 *corners, uint32_t count, uint32_t material_index)
-{
-    place_mesh(s, scene_add_mesh(s, corners_mesh(corners, count, material_index)), transform_identity);
-}
-
-/* A parallelogram; its own side is that of ab x ac. */
-static inline void add_quad(scene *s, vec3 a, vec3 ab, vec3 ac, uint32_t material_index)
-{
-    vec3 b = v3_add(a, ab), c = v3_add(a, ac), d = v3_add(b, ac), corners[6] = {a, b, d, a, d, c};
-    add_triangles(s, corners, 2, material_index);
-}
-
-/* Axis-aligned box, sides bit by bit of `sides` (-x, +x, -y, +y, -z, +z); the own sides look outwards. */
-static inline void add_box(scene *s, vec3 low, vec3 high, unsigned sides, uint32_t material_index)
-{
-    vec3 e = v3_sub(high, low), x = v3(e.x, 0, 0), y = v3(0, e.y, 0), z = v3(0, 0, e.z);
-    const vec3 quads[6][3] = {{low, z, y}, {v3_add(low, x), y, z}, {low, x, z}, {v3_add(low, y), z, x},
-                              {low, y, x}, {v3_add(low, z), x, y}};
-    for (int i = 0; i < 6; i++)
-        if (sides >> i & 1u)
-            add_quad(s, quads[i][0], quads[i][1], quads[i][2], material_index);
-}
-
-static inline vec3 sphere_point(int row, int column, int rows)
-{
-    float theta = PI_F * (float)row / (float)rows, phi = PI_F * (float)(column % (2 * rows)) / (float)rows;
-    return v3(sinf(theta) * cosf(phi), row == 0 ? 1.0f : row == rows ? -1.0f : cosf(theta), sinf(theta) * sinf(phi));
-}
-
-/* Unit sphere around the origin of `rows` x 2 `rows` facets; own sides look outwards. Smooth: with shading normals. */
-static inline void add_sphere(scene *s, int rows, bool smooth, uint32_t material_index)
-{
-    vec3 *corners = xmalloc(12 * (size_t)rows * (size_t)rows * sizeof *corners);
-    uint32_t n = 0;
-    for (int i = 0; i < rows; i++)
-        for (int j = 0; j < 2 * rows; j++) {
-            vec3 a = sphere_point(i, j, rows), b = sphere_point(i, j + 1, rows), c = sphere_point(i + 1, j + 1, rows),
-                 d = sphere_point(i + 1, j, rows);
-            const vec3 both[6] = {a, b, c, a, c, d};
-            int first = i == 0 ? 1 : 0, last = i == rows - 1 ? 1 : 2; /* one triangle a facet at the poles */
-            memcpy(corners + n, both + 3 * first, (size_t)(3 * (last - first)) * sizeof *corners);
-            n += (uint32_t)(3 * (last - first));
-        }
-    mesh m = corners_mesh(corners, n / 3, material_index);
-    if (smooth) {
-        m.normals = xmalloc(3 * (size_t)n * sizeof(float));
-        memcpy(m.normals, m.positions, 3 * (size_t)n * sizeof(float));
-    }
-    place_mesh(s, scene_add_mesh(s, m), transform_identity);
-    free(corners);
-}
-
-static inline void add_point_light(scene *s, vec3 position, float intensity)
-{
-    scene_add_light(
-        s, (light){.kind = LIGHT_POINT, .position = position, .intensity = v3(intensity, intensity, intensity)});
-}
+#include "tally.h"
 
 /* -------------------------------------------------------------------------------------------------------- renders */
 
@@ -185,38 +122,6 @@ static inline stage mixed_stage(uint32_t width, uint32_t height, int spp)
     stage g = stage_new(s, camera_look(v3(1.5f, 1.3f, 2), v3(0, 0.2f, 0), v3(0, 1, 0), 0.8f), width, height, spp);
     g.v.settings.vpls = 100;
     return g;
-}
-
-/* ----------------------------------------------------------------------------------------------------- statistics */
-
-typedef struct tally {
-    double count, sum, squares;
-} tally;
-
-static inline void tally_add(tally *t, double x)
-{
-    t->count += 1.0, t->sum += x, t->squares += x * x;
-}
-
-static inline double tally_mean(const tally *t)
-{
-    return t->sum / t->count;
-}
-
-/* Standard error of the mean. */
-static inline double tally_error(const tally *t)
-{
-    double mean = tally_mean(t), variance = (t->squares - t->count * mean * mean) / (t->count - 1.0);
-    return sqrt(fmax(variance, 0.0) / t->count);
-}
-
-/* `bias`: what is known about the estimate's own error. */
-static inline void assert_mean(const tally *t, double expected, double bias, const char *what)
-{
-    double mean = tally_mean(t), error = tally_error(t);
-    if (!(fabs(mean - expected) <= 4.0 * error + bias))
-        fail_msg("%s: mean %.6f, expected %.6f, standard error %.6f, bias allowed %.6f", what, mean, expected, error,
-                 bias);
 }
 
 /* Irradiance at p with normal n from a polygon of radiance 1 above its horizon (Lambert 1760). */

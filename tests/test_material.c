@@ -292,6 +292,74 @@ static void branches_respect_the_geometric_normal(void **state)
     }
 }
 
+/* --- One branch drawn --- */
+
+/* Each branch as often as its luminance says, and on the mean with its own weight. */
+static void drawn_branches_stand_for_both(void **state)
+{
+    (void)state;
+    enum { N = 100000 };
+    material m = rough(MATERIAL_DIELECTRIC, 0.0f, 1.5f);
+    m.color = v3(0.9f, 0.5f, 0.1f);
+    for (int i = 1; i <= 10; i++) {
+        surface s = make_surface(&m, v3(0, 0, 1), polar((float)i / 10.0f, 1.0f));
+        specular_branch b[2], drawn;
+        assert_int_equal(material_specular(&s, b), 2);
+        double share = luminance(b[0].weight) / (luminance(b[0].weight) + luminance(b[1].weight)), reflected = 0.0;
+        double mean[2][3] = {{0, 0, 0}, {0, 0, 0}};
+        rng r = rng_make(6, (uint64_t)i);
+        for (int n = 0; n < N; n++) {
+            rgb through = v3(2, 3, 4);
+            assert_true(material_specular_sample(&s, &r, &through, &drawn));
+            assert_memory_equal(&drawn.wi, &b[drawn.transmitted].wi, sizeof(vec3));
+            assert_memory_equal(&drawn.weight, &b[drawn.transmitted].weight, sizeof(rgb));
+            reflected += !drawn.transmitted;
+            for (int c = 0; c < 3; c++)
+                mean[drawn.transmitted][c] += (double)(&through.x)[c] / N;
+        }
+        double sigma = sqrt(share * (1.0 - share) / N);
+        assert_true(fabs(reflected / N - share) < 4.0 * sigma);
+        for (int k = 0; k < 2; k++)
+            for (int c = 0; c < 3; c++) {
+                double expected = (2.0 + c) * (double)(&b[k].weight.x)[c], p = k ? 1.0 - share : share;
+                assert_true(fabs(mean[k][c] - expected) < 4.0 * sigma / p * expected + 1e-5);
+            }
+    }
+}
+
+static bool same_state(rng a, rng b)
+{
+    return a.state == b.state && a.stream == b.stream;
+}
+
+/* Streams of random numbers depend on it. */
+static void one_branch_takes_no_random_number(void **state)
+{
+    (void)state;
+    material glass = rough(MATERIAL_DIELECTRIC, 0.0f, 1.5f), mirror = rough(MATERIAL_CONDUCTOR, 0.0f, 1.5f);
+    material paint = rough(MATERIAL_DIFFUSE, 1.0f, 1.5f);
+    rng r = rng_make(7, 1), before = r;
+    rgb through = v3(1, 1, 1);
+    specular_branch b;
+    surface s = make_surface(&glass, v3(0, 0, 1), polar(0.1f, 1.0f));
+    s.back_side = true; /* total reflection */
+    assert_true(material_specular_sample(&s, &r, &through, &b) && !b.transmitted);
+    assert_true(same_state(r, before) && through.x == 1.0f);
+    mirror.color = v3(0.5f, 0.25f, 1.0f);
+    s = make_surface(&mirror, v3(0, 0, 1), v3(0, 0, 1));
+    assert_true(material_specular_sample(&s, &r, &through, &b));
+    assert_true(same_state(r, before) && through.x == 0.5f && through.y == 0.25f && through.z == 1.0f);
+    s.color = v3(0, 0, 0);
+    assert_false(material_specular_sample(&s, &r, &through, &b));
+    s = make_surface(&paint, v3(0, 0, 1), v3(0, 0, 1));
+    assert_false(material_specular_sample(&s, &r, &through, &b));
+    assert_true(same_state(r, before));
+    s = make_surface(&glass, v3(0, 0, 1), polar(0.5f, 1.0f));
+    assert_true(material_specular_sample(&s, &r, &through, &b));
+    rng_float(&before);
+    assert_true(same_state(r, before));
+}
+
 /* --- Extremes --- */
 
 static bool finite3(vec3 v)
@@ -387,6 +455,8 @@ int main(void)
         cmocka_unit_test(glass_sphere_in_a_furnace),
         cmocka_unit_test(mirror_reflects),
         cmocka_unit_test(branches_respect_the_geometric_normal),
+        cmocka_unit_test(drawn_branches_stand_for_both),
+        cmocka_unit_test(one_branch_takes_no_random_number),
         cmocka_unit_test(nothing_is_nan),
         cmocka_unit_test(summaries),
         cmocka_unit_test(textures_are_linear_and_repeat),

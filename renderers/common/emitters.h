@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Emissive triangles of a scene as one area light, drawn in proportion to emitted power. Read-only: shared by threads.
- */
+/* Emissive triangles of a scene as one area light, drawn in proportion to their power. Read-only: shared by threads. */
 #ifndef COMMON_EMITTERS_H
 #define COMMON_EMITTERS_H
 
@@ -10,8 +9,7 @@
 typedef struct emitters emitters;
 
 typedef struct emitter_sample {
-    vec3 position,
-        normal; /* world space, unit; on the emitting side drawn (two-sided ones draw each side half of the time) */
+    vec3 position, normal; /* world space, unit; of the emitting side drawn, of two-sided ones each half of the time */
     rgb radiance;
     float pdf_area; /* density per unit area and side */
 } emitter_sample;

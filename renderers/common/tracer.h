@@ -27,8 +27,7 @@ typedef struct ray_packet {
 bool tracer_create(const scene *s, int threads, tracer **out, message *err);
 void tracer_free(tracer *t);
 
-/* Call once in each thread that traces: flushes denormals to zero (x86; nothing elsewhere), as Embree asks for speed.
- */
+/* Call once in each thread that traces: flushes denormals to zero (x86; else nothing), as Embree asks for speed. */
 void tracer_thread_init(void);
 
 /* Nearest hit of origin + t direction, 0 < t < tfar; direction unit. Sees all surfaces. */
