@@ -53,7 +53,7 @@ static void integrating_sphere(void **state)
     for (uint64_t seed = 0; seed < 16; seed++) {
         g.v.settings.seed = seed;
         f = stage_render(&g, 0.0f);
-        assert_true(f.vpls == 512);
+        assert_true(lights_of(&f)->vpls == 512);
         tally_add(&t, (mean_lit(&f) - direct) / half);
         frame_free(&f);
     }
@@ -224,7 +224,7 @@ static void resampling_keeps_energy(void **state)
             frame direct = stage_render(&g, 0.0f);
             g.v.settings.vpls = counts[i];
             frame all = stage_render(&g, 0.0f);
-            assert_true((int)all.vpls == counts[i]);
+            assert_true((int)lights_of(&all)->vpls == counts[i]);
             tally_add(&t, mean_lit(&all) - mean_lit(&direct));
             frame_free(&direct);
             frame_free(&all);
@@ -506,7 +506,7 @@ static void nothing_to_light(void **state)
         }
         for (float ce = 0.0f; ce < 9.0f; ce += 8.0f) {
             frame f = stage_render(&g, ce);
-            assert_true(f.vpls == 0 && f.rays.asked == 0 && f.rays.traced == 0);
+            assert_true(lights_of(&f)->vpls == 0 && f.rays.asked == 0 && f.rays.traced == 0);
             for (size_t i = 0; i < 20 * 20; i++) {
                 assert_true(f.lit.pixels[i].y == 0.0f);
                 if (which == 1)

@@ -144,7 +144,8 @@ static void copy_out(const job *j, tile t, const tile_pixels *p)
             j->out->lit.pixels[to] = p->lit[from];
             j->out->image.pixels[to] = v3_add(p->seen[from], p->lit[from]);
             j->out->normal.pixels[to] = p->normal[from];
-            j->out->cells.pixels[to] = false_colour(p->cell[from]);
+            if (j->out->cells.pixels)
+                j->out->cells.pixels[to] = false_colour(p->cell[from]);
             j->out->depth[to] = p->depth[from];
             j->out->traced_share[to] =
                 p->asked[from] ? fminf(1.0f, (float)p->traced[from] / (float)p->asked[from]) : 0.0f;
@@ -238,11 +239,18 @@ static bool make_caches(job *j, int threads, message *err)
     return true;
 }
 
+bool uses_cache(visibility_mode mode)
+{
+    return mode != VISIBILITY_EXACT && mode != VISIBILITY_SELECT;
+}
+
 static void allocate(const settings *f, frame *out)
 {
-    image *images[] = {&out->seen, &out->lit, &out->image, &out->normal, &out->cells};
+    image *images[] = {&out->seen, &out->lit, &out->image, &out->normal};
     for (size_t i = 0; i < sizeof images / sizeof *images; i++)
         *images[i] = image_new(f->width, f->height);
+    if (uses_cache(f->visibility))
+        out->cells = image_new(f->width, f->height);
     out->depth = xcalloc((size_t)f->width * f->height, sizeof *out->depth);
     out->traced_share = xcalloc((size_t)f->width * f->height, sizeof *out->traced_share);
 }
@@ -263,9 +271,8 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     vpl_set vpls = vpls_new(v);
     out->lights_s = now() - start;
     j.vpls = &vpls;
-    out->vpls = vpls.count;
-    out->punctual = v->scene->light_count;
-    out->samples = direct_sample_count(v);
+    frame_lights *lights = out->extra = xmalloc(sizeof *lights);
+    *lights = (frame_lights){vpls.count, v->scene->light_count, direct_sample_count(v), f->visibility};
 
     int threads = parallel_thread_count(f->threads);
     j.stations = xcalloc((size_t)threads, sizeof *j.stations);
@@ -282,7 +289,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
 
-    out->served = j.mode;
+    lights->served = j.mode;
     bool ok = j.mode == VISIBILITY_EXACT || make_caches(&j, threads, err);
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
@@ -319,16 +326,6 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     free(j.tiles);
     vpls_free(&vpls);
     return ok;
-}
-
-void frame_free(frame *f)
-{
-    image *images[] = {&f->seen, &f->lit, &f->image, &f->normal, &f->cells};
-    for (size_t i = 0; i < sizeof images / sizeof *images; i++)
-        image_free(images[i]);
-    free(f->depth);
-    free(f->traced_share);
-    memset(f, 0, sizeof *f);
 }
 
 void truth_free(truth *t)

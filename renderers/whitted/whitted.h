@@ -5,7 +5,8 @@
  *   eye_paths.c   traces eye paths into a deep buffer of samples that want light,
  *   shade.c       pairs each of them with virtual point lights, punctual lights and light samples (direct.c),
  *   visibility.c  decides which pairs see each other, by packets of rays or by the cache,
- * and the visible contributions are summed. frame.c runs the tiles on all cores, compare.c sets two runs side by side.
+ * and the visible contributions are summed. frame.c runs the tiles on all cores, renderers/common/comparison.c sets two
+ * frames side by side.
  */
 #ifndef WHITTED_H
 #define WHITTED_H
@@ -13,7 +14,7 @@
 #include "vcache/vcache.h"
 
 #include "../common/emitters.h"
-#include "../common/image.h"
+#include "../common/frame.h"
 #include "../common/tracer.h"
 
 #include <stdlib.h>
@@ -206,10 +207,6 @@ void direct_order(const view *v, const eye_sample *e, uint32_t count, uint16_t *
 
 /* -------------------------------------------------------------------------------------- visibility (visibility.c) */
 
-typedef struct ray_counts {
-    uint64_t asked, traced;
-} ray_counts;
-
 /* One thread's means of deciding visibility. */
 typedef struct visibility visibility;
 
@@ -259,25 +256,23 @@ typedef struct truth {
     size_t pass_count;
 } truth;
 
-typedef struct frame {
-    image seen, lit, image; /* image = seen + lit */
-    image normal, cells;
-    float *depth, *traced_share;
-    double frame_s;  /* all of it: virtual point lights, caches, eye paths, shading */
-    double shade_s;  /* part of frame_s spent on shading, mean of the threads */
-    double lights_s; /* part of frame_s that made the virtual point lights */
-    ray_counts rays;
-    uint64_t cache_bytes, mispredicted, eye_samples;
+/* `extra` of a frame. */
+typedef struct frame_lights {
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
-    bool complete;          /* false where it was interrupted */
-} frame;
+} frame_lights;
 
+static inline const frame_lights *lights_of(const frame *f)
+{
+    return f->extra;
+}
+
+/* Whether a mode asks the cache; a frame has cells then. */
+bool uses_cache(visibility_mode mode);
 /* `record` (NULL: none) takes down exact visibility; `check` counts the differences to it. */
 bool frame_render(const view *v, const char *title, bool quiet, truth *record, const truth *check, frame *out,
                   message *err);
-void frame_free(frame *f);
-/* Memory that the images of one frame take. */
+/* Memory that the images of one frame take at most. */
 uint64_t frame_bytes(const settings *f);
 void truth_free(truth *t);
 
