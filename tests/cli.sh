@@ -11,154 +11,11 @@ if [[ $# -ne 1 || ! -x $1 ]]; then
     exit 2
 fi
 whitted=$(realpath -- "$1") || exit 2
-dir=$(mktemp -d) || exit 2
-child=
-trap '[[ $child ]] && kill -KILL "$child" 2>/dev/null; rm -rf -- "$dir"' EXIT
-cd -- "$dir" || exit 2
-mkdir out
+program=$whitted
+# shellcheck source-path=SCRIPTDIR
+. "$(dirname -- "$0")/tap.sh"
 
-tests=0 failures=0 problems=()
 tiny=(--size 32x18 --vpls 16)
-
-# --- harness ---
-
-problem() { problems+=("$*"); }
-
-# One TAP line for all that was checked since the last one.
-finish() {
-    tests=$((tests + 1))
-    if [[ ${#problems[@]} -eq 0 ]]; then
-        echo "ok $tests - $1"
-    else
-        failures=$((failures + 1))
-        echo "not ok $tests - $1"
-        printf '# %s\n' "${problems[@]}"
-    fi
-    problems=()
-}
-
-skip() {
-    tests=$((tests + 1))
-    echo "ok $tests - $1 # SKIP $2"
-}
-
-# run ARGS...: the program with its output in the files stdout and stderr, its exit status in rc
-run() {
-    timeout 60 "$whitted" "$@" >stdout 2>stderr
-    rc=$?
-    read_said
-}
-
-# What stands on stderr, as lines in said_lines and together in said.
-read_said() {
-    mapfile said_lines <stderr
-    said="${said_lines[*]-}"
-    said=${said//$'\n'/|}
-}
-
-good() {
-    run "$@"
-    [[ $rc -eq 0 ]] || problem "exit $rc instead of 0: $* ($said)"
-}
-
-quiet_good() {
-    good --quiet "$@"
-    [[ ! -s stdout && ! -s stderr ]] || problem "--quiet is not quiet: $* ($said)"
-}
-
-lines() {
-    local all
-    mapfile all <"$1"
-    echo ${#all[@]}
-}
-
-# clean_failure EXIT WORD ARGS...: one line on stderr that holds WORD, nothing on stdout, no file in out/
-clean_failure() {
-    local status=$1 word=$2
-    shift 2
-    run "$@"
-    [[ " $status " == *" $rc "* ]] || problem "exit $rc instead of $status: ${*@Q} ($said)"
-    [[ ! -s stdout ]] || problem "something on standard output: ${*@Q}"
-    [[ ${#said_lines[@]} -eq 1 && $said == *'|' ]] ||
-        problem "not exactly one line on standard error: ${*@Q} ($said)"
-    [[ $said == *"$word"* && $said == whitted:* ]] || problem "message without 'whitted:' and '$word': ${*@Q} ($said)"
-    nothing_left "${*@Q}"
-}
-
-nothing_left() {
-    local left=(out/*)
-    [[ ${#left[@]} -eq 0 ]] && return
-    problem "left behind: ${left[*]}: $1"
-    rm -rf out && mkdir out
-}
-
-hex() { od -An -v -tx1 | tr -d ' \n'; }
-
-# is_exr FILE [VERSION]: the version is 02020000 with tiles
-is_exr() {
-    local start
-    start=$(head -c 8 "$1" 2>/dev/null | hex)
-    [[ $start == 762f3101${2:-02000000} ]] || problem "$1 is no such EXR file: starts with '$start'"
-}
-
-is_png() {
-    local start end
-    start=$(head -c 8 "$1" 2>/dev/null | hex)
-    end=$(tail -c 8 "$1" 2>/dev/null | hex)
-    [[ $start == 89504e470d0a1a0a && $end == 49454e44ae426082 ]] || problem "$1 is no complete PNG file"
-}
-
-no_temporaries() {
-    local left=("${1:-.}"/*.tmp*)
-    [[ ${#left[@]} -eq 0 ]] || problem "temporary files left: ${left[*]}"
-}
-
-# same A B: as of content
-same() { [[ $(sha256sum <"$1") == "$(sha256sum <"$2")" ]]; }
-
-# Fills figure[PATH] from a JSON file with one item a line.
-declare -A figure
-read_json() {
-    local line path='' item='^[[:space:]]*"([^"]+)":[[:space:]]*([^,]*),?$' close='^[[:space:]]*\},?$'
-    figure=()
-    while IFS= read -r line; do
-        if [[ $line =~ $item ]]; then
-            if [[ ${BASH_REMATCH[2]} == '{' ]]; then
-                path+=${BASH_REMATCH[1]}.
-            else
-                figure[$path${BASH_REMATCH[1]}]=${BASH_REMATCH[2]}
-            fi
-        elif [[ $line =~ $close && $path ]]; then
-            path=${path%.}
-            if [[ $path == *.* ]]; then path=${path%.*}.; else path=; fi
-        fi
-    done <"$1"
-    if [[ $python ]] && ! "$python" -m json.tool "$1" >/dev/null 2>&1; then
-        problem "$1 is not JSON"
-    fi
-}
-
-has_keys() {
-    local key
-    for key; do
-        [[ ${figure[$key]-} ]] || problem "JSON without $key"
-    done
-}
-
-figure_is() {
-    [[ ${figure[$1]-} == "$2" ]] || problem "$1 is ${figure[$1]-missing} instead of $2"
-}
-
-# All that does not depend on the clock.
-steady_figures() {
-    local key
-    for key in "${!figure[@]}"; do
-        [[ $key == *_s || $key == speedup.frame* || $key == speedup.shade ]] || echo "$key ${figure[$key]}"
-    done | sort
-}
-
-python=$(command -v python3) || python=
-[[ $python ]] && ! "$python" -c 'import json' 2>/dev/null && python=
 
 # --- files to render ---
 
@@ -564,39 +421,6 @@ finish "one thread and one seed give one image"
 
 # --- signals ---
 
-# Shells start background jobs with SIGINT ignored, which the program respects.
-start() {
-    env --default-signal=INT,TERM "$whitted" "$@" >stdout 2>stderr &
-    child=$!
-    local i status
-    for i in {1..200}; do
-        status=$(cat "/proc/$child/status" 2>/dev/null) || break
-        [[ $status =~ SigCgt:[[:space:]]*([0-9a-f]+) ]] && ((16#${BASH_REMATCH[1]} & 2)) && break
-        sleep 0.05
-    done
-    sleep 0.7 # into the rendering
-}
-
-# Waits for the child: its exit status in rc, milliseconds in waited; killed after 20 s.
-reap() {
-    local begin now
-    begin=$(date +%s%3N)
-    while kill -0 "$child" 2>/dev/null; do
-        now=$(date +%s%3N)
-        if ((now - begin > 20000)); then
-            problem "does not end within 20 s"
-            kill -KILL "$child"
-            break
-        fi
-        sleep 0.05
-    done
-    wait "$child" 2>/dev/null
-    rc=$?
-    child=
-    waited=$(($(date +%s%3N) - begin))
-    read_said
-}
-
 if ! env --default-signal=INT true 2>/dev/null; then
     skip "interrupts" "this env cannot reset signals"
 else
@@ -690,5 +514,4 @@ else
     finish "a full disk is a failure in one line without half a file"
 fi
 
-echo "1..$tests"
-[[ $failures -eq 0 ]]
+tap_end

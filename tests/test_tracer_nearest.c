@@ -81,7 +81,7 @@ static void compare_nearest(const tracer *t, rng *r, int *hits, int *misses, int
             p.tfar[k] = INFINITY;
         }
         ray_packet before = p;
-        uint32_t hit = tracer_closest16(t, &p, active, got);
+        uint32_t hit = tracer_closest16(t, &p, active, active % 2, got);
         assert_memory_equal(&p, &before, sizeof p);
         assert_int_equal(hit & ~active, 0);
         for (int k = 0; k < TRACER_PACKET; k++) {

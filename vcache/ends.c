@@ -252,8 +252,7 @@ static int32_t quarter_steps(const vcache *c, double factor)
 static void prepare_vertex(const vcache *c, const vcache_surface *surface, double share, uint32_t side, uint64_t salt,
                            vcache_vertex *out)
 {
-    memset(out, 0, sizeof *out);
-    memcpy(out->position, surface->position, sizeof out->position);
+    memcpy(out->position, surface->position, sizeof out->position); /* hashes are set when they are remembered */
     out->user = surface->user;
     out->side = side;
     out->salt = salt ? hash_words(salt, 0, seed_vertex) : 0;

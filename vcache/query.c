@@ -276,3 +276,17 @@ bool vcache_add_vertices(vcache_worker *w, vcache_vertex *eye, vcache_vertex *li
     table_enter_vertices(w, &p, worker_epoch(w));
     return true;
 }
+
+void vcache_prefetch(vcache_worker *w, const vcache_eye *eye, const vcache_light *light)
+{
+    const vcache *c = w->cache;
+    if (!w->config.exact && !bypasses(eye, light))
+        prefetch(&c->table, find_place(c, c->config.hash, worker_epoch(w), eye->level[0].center, light).slot);
+}
+
+void vcache_prefetch_vertices(vcache_worker *w, vcache_vertex *eye, vcache_vertex *light)
+{
+    place at;
+    if (!w->config.exact && vertices_place(w->cache, worker_epoch(w), eye, light, &at))
+        prefetch(&w->cache->table, at.slot);
+}

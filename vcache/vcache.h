@@ -264,6 +264,10 @@ VCACHE_API uint32_t vcache_add_set_refining(vcache_worker *worker, const vcache_
 VCACHE_API bool vcache_add_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light, uint64_t *visible,
                                     uint32_t bit);
 
+/* Hints: a pair that will be added some ten pairs later; its word comes from memory meanwhile. */
+VCACHE_API void vcache_prefetch(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light);
+VCACHE_API void vcache_prefetch_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light);
+
 /* The rays to trace now, each pair of cells once; valid until the next call with this worker, which must be
  * vcache_commit or vcache_cancel: adding pairs in between would change the list that the answers belong to. 0: all is
  * answered. */

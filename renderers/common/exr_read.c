@@ -4,6 +4,7 @@
 
 #include <OpenEXR/openexr.h>
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -236,7 +237,26 @@ static bool decode_picture(reader *r, message *err)
     return storage == EXR_STORAGE_TILED ? decode_tiles(r, err) : decode_scanlines(r, err);
 }
 
-bool exr_decode(const unsigned char *bytes, size_t size, bool grey, image *out, message *err)
+/* Values of string attributes; empty where there is none of that name. */
+static bool find_texts(const reader *r, exr_text *texts, size_t count, message *err)
+{
+    const exr_attr_chlist_t *list = NULL;
+    exr_get_channels(r->context, 0, &list);
+    for (int i = 0; i < 3; ++i)
+        if (list->entries[r->plane[i]].pixel_type != EXR_PIXEL_FLOAT)
+            return fail(err, "its pixels are not 32-bit floats");
+    for (size_t i = 0; i < count; ++i) {
+        const exr_attribute_t *a = NULL;
+        texts[i].value[0] = '\0';
+        if (exr_get_attribute_by_name(r->context, 0, texts[i].name, &a) == EXR_ERR_SUCCESS &&
+            a->type == EXR_ATTR_STRING && a->string->str)
+            snprintf(texts[i].value, sizeof texts[i].value, "%s", a->string->str);
+    }
+    return true;
+}
+
+bool exr_decode(const unsigned char *bytes, size_t size, bool grey, exr_text *texts, size_t text_count, image *out,
+                message *err)
 {
     source s = {.bytes = bytes, .size = size};
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -252,7 +272,7 @@ bool exr_decode(const unsigned char *bytes, size_t size, bool grey, image *out, 
         return fail(err, "the OpenEXR header is damaged (%s)", s.first.text[0] ? s.first.text : "no reason given");
     s.first.text[0] = '\0';
     message why = {""};
-    bool good = decode_picture(&r, &why);
+    bool good = decode_picture(&r, &why) && (!texts || find_texts(&r, texts, text_count, &why));
     if (!good && s.first.text[0])
         fail(err, "%.160s (%.300s)", why.text, s.first.text);
     else if (!good)

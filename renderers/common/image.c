@@ -185,7 +185,7 @@ static unsigned char *read_all(const char *path, size_t *size, message *err)
     return data;
 }
 
-static bool load(const char *path, bool exr_alone, image *out, message *err)
+static bool load(const char *path, bool exr_alone, exr_text *texts, size_t count, image *out, message *err)
 {
     *out = (image){0};
     size_t size = 0;
@@ -195,7 +195,7 @@ static bool load(const char *path, bool exr_alone, image *out, message *err)
     message why = {""};
     bool good;
     if (size >= 4 && memcmp(data, "\x76\x2f\x31\x01", 4) == 0)
-        good = exr_decode(data, size, !exr_alone, out, &why);
+        good = exr_decode(data, size, !exr_alone, texts, count, out, &why);
     else if (exr_alone)
         good = fail(&why, "not an OpenEXR file");
     else if (size >= 2 && memcmp(data, "#?", 2) == 0)
@@ -208,10 +208,15 @@ static bool load(const char *path, bool exr_alone, image *out, message *err)
 
 bool image_load(const char *path, image *out, message *err)
 {
-    return load(path, false, out, err);
+    return load(path, false, NULL, 0, out, err);
 }
 
 bool image_load_exr(const char *path, image *out, message *err)
 {
-    return load(path, true, out, err);
+    return load(path, true, NULL, 0, out, err);
+}
+
+bool image_load_exr_texts(const char *path, exr_text *texts, size_t count, image *out, message *err)
+{
+    return load(path, true, texts, count, out, err);
 }

@@ -23,6 +23,13 @@ void image_free(image *i);
 bool image_load(const char *path, image *out, message *err);
 /* The same for OpenEXR files with R, G, B alone: what other images are measured against must not be grey by mistake. */
 bool image_load_exr(const char *path, image *out, message *err);
+/* The same of files with 32-bit floats, as exr_save writes them, with the texts of attributes ("" where there is none).
+ */
+typedef struct exr_text {
+    const char *name;
+    char value[256];
+} exr_text;
+bool image_load_exr_texts(const char *path, exr_text *texts, size_t count, image *out, message *err);
 
 /* --- EXR out: named layers of float channels, metadata as string/float/int attributes --- */
 typedef struct exr_channel {

@@ -11,8 +11,9 @@
 /* As image_new, but false with a message instead of an exit: for sizes that a file claims. */
 bool image_new_checked(uint64_t width, uint64_t height, image *out, message *err);
 
-/* Decodes a whole OpenEXR file held in memory; `grey`: a luminance alone will do. The message does not name the file.
- * On failure *out is empty. */
-bool exr_decode(const unsigned char *bytes, size_t size, bool grey, image *out, message *err);
+/* Decodes a whole OpenEXR file held in memory; `grey`: a luminance alone will do; `texts` as image_load_exr_texts, or
+ * NULL. The message does not name the file. On failure *out is empty. */
+bool exr_decode(const unsigned char *bytes, size_t size, bool grey, exr_text *texts, size_t text_count, image *out,
+                message *err);
 
 #endif

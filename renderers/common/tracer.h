@@ -33,8 +33,9 @@ void tracer_thread_init(void);
 /* Nearest hit of origin + t direction, 0 < t < tfar; direction unit. Sees all surfaces. */
 bool tracer_closest(const tracer *t, vec3 origin, vec3 direction, surface *hit);
 /* The same for the lanes of `active`; returns the mask of lanes that hit. Directions unit; the rest of `p` as below.
- * Fast where the rays run close together. */
-uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active, surface hits[TRACER_PACKET]);
+ * `coherent`: the rays run close together, as those of neighbouring pixels. */
+uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active, bool coherent,
+                          surface hits[TRACER_PACKET]);
 /* The same through dielectrics, as shadow rays go. */
 bool tracer_closest_opaque(const tracer *t, vec3 origin, vec3 direction, surface *hit);
 

@@ -198,11 +198,11 @@ bool tracer_occluded_solid(const tracer *t, vec3 origin, vec3 direction, float t
 }
 
 /* The lanes that hit, of rays already in Embree's layout. */
-static uint32_t intersect16(const tracer *t, RTCScene in, struct RTCRayHit16 *r, uint32_t active)
+static uint32_t intersect16(const tracer *t, RTCScene in, struct RTCRayHit16 *r, uint32_t active, bool coherent)
 {
     enum { FIELDS = sizeof *r / (TRACER_PACKET * sizeof(float)) };
     _Alignas(64) int valid[TRACER_PACKET];
-    bool coherent = !t->instanced;
+    coherent = coherent && !t->instanced;
     uint32_t hits = 0;
     int w = t->width;
     for (uint32_t i = 0; i < TRACER_PACKET; i++)
@@ -232,14 +232,15 @@ static uint32_t intersect16(const tracer *t, RTCScene in, struct RTCRayHit16 *r,
     return hits & active;
 }
 
-uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active, surface hits[TRACER_PACKET])
+uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active, bool coherent,
+                          surface hits[TRACER_PACKET])
 {
     struct RTCRayHit16 r;
     memcpy(&r.ray, p, sizeof r.ray);
     memset(&r.hit, 0xff, sizeof r.hit); /* invalid ids */
     for (uint32_t i = 0; i < TRACER_PACKET; i++)
         r.ray.mask[i] = MASK_ALL;
-    uint32_t hit = intersect16(t, t->top, &r, active);
+    uint32_t hit = intersect16(t, t->top, &r, active, coherent);
     facet last = {.primitive = RTC_INVALID_GEOMETRY_ID};
     for (uint32_t lanes = hit; lanes; lanes &= lanes - 1) {
         uint32_t i = (uint32_t)__builtin_ctz(lanes);

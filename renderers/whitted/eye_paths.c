@@ -95,7 +95,7 @@ static void trace_waiting(path *p)
     surface hits[GROUP];
     const ray_packet *r = &p->packet;
     rgb weight = v3(p->share, p->share, p->share);
-    uint32_t found = tracer_closest16(p->view->tracer, r, (1u << p->count) - 1u, hits);
+    uint32_t found = tracer_closest16(p->view->tracer, r, (1u << p->count) - 1u, true, hits);
     for (uint32_t k = 0; k < p->count; k++) {
         const primary *w = &p->waiting[k];
         p->pixel = w->pixel;

@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Bidirectional path tracing (Veach 1997, Chap. 10) with exact or cached visibility of the connections (Popov et al.
+ * 2013, Sect. 3.4). Each pass over the image draws one eye and one light sub-path per pixel:
+ *   subpaths.c    walks both, and adds emitters and sky that the eye path meets,
+ *   connect.c     pairs their vertices: what each connection brings, weighted against all other ways to find it,
+ *   visibility.c  decides which of them see each other, by packets of rays or by the cache.
+ * pass.c runs a pass on all cores and sums it into the film, render.c runs passes, in epochs that share a cache.
+ *
+ * A path of s light and t eye vertices has s + t - 1 edges. t = 1 connects to the camera ("light tracing"), s = 0 has
+ * met an emitter. Emitters seen directly (s = 0, t = 2) are left to the eye path alone.
+ */
+#ifndef BDPT_H
+#define BDPT_H
+
+#include "vcache/vcache.h"
+
+#include "density.h"
+#include "mis.h"
+
+#include "../common/camera.h"
+#include "../common/emitters.h"
+#include "../common/image.h"
+#include "../common/light_sources.h"
+#include "../common/tracer.h"
+
+enum {
+    EDGES_MAX = 32, /* longer paths are cut off; roulette leaves next to none of them */
+    BATCH = 64,     /* paths whose connections are decided together */
+    TILE = 16
+};
+
+/* Connections end a little before the vertex; both stand off their surfaces already. */
+#define RAY_END (1.0f - 0x1p-16f)
+
+typedef enum visibility_mode {
+    VISIBILITY_EXACT,
+    VISIBILITY_CACHE,    /* each connection answered; bias */
+    VISIBILITY_ESTIMATE, /* the cache as control variate, rays where it is uncertain; no bias */
+    VISIBILITY_MODES
+} visibility_mode;
+
+typedef struct settings {
+    uint32_t width, height;
+    int spp;
+    int epoch;      /* passes that share what the cache has learnt; N_P = epoch x pixels */
+    double seconds; /* no pass begins after so many; infinity: no limit */
+    uint64_t seed;
+    int threads; /* 0: one per CPU */
+    visibility_mode visibility;
+    heuristic heuristic;
+    float ce;
+    float rays;          /* of estimates: share of the connections that is traced */
+    vcache_config cache; /* C_N, C_Z, C_R, bytes; bounds are the scene's */
+    /* For looking into the method: paths of so many edges alone (0: all); of those the strategy with so many light
+     * vertices alone, unweighted (-1: all, weighted). */
+    int edges, light_vertices;
+} settings;
+
+/* Everything that does not change between passes of one view. */
+typedef struct view {
+    const scene *scene;
+    const tracer *tracer;
+    const light_sources *lights; /* NULL: none */
+    camera_frame camera;
+    const density_map *eye_density, *light_density; /* of vertices; where a cache is asked */
+    settings settings;
+} view;
+
+/* --------------------------------------------------------------------------------------------- sub-paths (subpaths.c)
+ */
+
+/* Non-specular surface point of a sub-path. */
+typedef struct vertex {
+    surface surface;
+    vec3 origin;    /* of connections: off the surface */
+    rgb throughput; /* eye: weight of radiance towards wo; light: flux that arrives */
+    mis mis;
+    int edges; /* from the start of the sub-path, specular ones included */
+} vertex;
+
+/* Vertices of one side of a batch, in the order they were found. */
+typedef struct side {
+    vertex *vertices; /* room for BATCH * EDGES_MAX */
+    uint32_t total;
+    uint16_t of[BATCH][EDGES_MAX]; /* of a path: where its vertices stand */
+    int count[BATCH];
+} side;
+
+/* The sub-paths of a batch. */
+typedef struct batch {
+    uint32_t count;
+    uint32_t x[BATCH], y[BATCH]; /* pixel */
+    uint64_t random[BATCH];      /* index of its random numbers */
+    uint32_t pass;
+    rgb found[BATCH];   /* emitters and sky that the eye path met, weighted */
+    rgb seen[BATCH];    /* those that it saw directly or by mirrors and glass */
+    float depth[BATCH]; /* of its first hit, 0: none */
+    vec3 normal[BATCH];
+    side eye, light; /* z_1 ..., y_1 ... */
+    bool lit[BATCH]; /* there is a y_0 */
+    light_emission start[BATCH];
+} batch;
+
+batch *batch_new(void);
+void batch_free(batch *b);
+/* From the pixels and random numbers. */
+void subpaths(const view *v, batch *b);
+/* Density of the way back: of arriving as if from wi, and leaving to where the sub-path came from. */
+float reverse_pdf(const surface *s, vec3 wi);
+/* Shading normals scatter light, which goes the other way, by this factor more (Veach 1997, Sect. 5.3). */
+float adjoint_correction(const surface *s, vec3 wi);
+bool strategy_wanted(const settings *f, int edges, int light_vertices);
+
+/* ------------------------------------------------------------------------------------------- connections (connect.c)
+ */
+
+typedef enum connection_kind {
+    CONNECT_SURFACES, /* eye vertex to light vertex; y_0 on an emitter is one (Eq. 6) */
+    CONNECT_LIGHT,    /* eye vertex to a point, directional or environment light (Eq. 7, 9) */
+    CONNECT_CAMERA    /* light vertex to the camera: always traced */
+} connection_kind;
+
+typedef struct connection {
+    connection_kind kind;
+    uint32_t path;      /* in the batch */
+    int32_t eye, light; /* vertices of the batch; light -1: y_0; CAMERA: light alone */
+    rgb value;          /* where nothing is in between */
+    uint32_t pixel;     /* in the image, y * width + x */
+} connection;
+
+typedef struct connections {
+    connection *items;
+    size_t count, capacity;
+} connections;
+
+/* All pairs of a batch that bring something. */
+void connect_batch(const view *v, const batch *b, connections *out);
+
+/* ----------------------------------------------------------------------------------------- visibility (visibility.c)
+ */
+
+typedef struct counts {
+    uint64_t asked, traced; /* connections of eye with light vertices; the rays of these */
+    uint64_t camera;        /* connections to the camera, all traced */
+} counts;
+
+/* One thread's means of deciding visibility. */
+typedef struct connection_visibility connection_visibility;
+/* `cache`: NULL for exact visibility. Exits on lack of memory. */
+connection_visibility *connection_visibility_new(const view *v, vcache *cache);
+void connection_visibility_free(connection_visibility *o);
+/* Scales each value by what is seen: 0 or 1; of estimates by what is expected and found. */
+void connection_visibility_resolve(connection_visibility *o, const batch *b, connections *c);
+counts connection_visibility_counts(const connection_visibility *o);
+
+#endif

@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What each pair of vertices brings if nothing is in between (Veach 1997, Eq. 10.8), times its weight. */
+#include "bdpt.h"
+
+/* Both ends of a connection. */
+typedef struct link {
+    vec3 direction;
+    float distance2;
+} link;
+
+static link link_of(vec3 from, vec3 to)
+{
+    vec3 d = v3_sub(to, from);
+    float d2 = v3_dot(d, d);
+    return (link){d2 > 0.0f ? v3_scale(d, 1.0f / sqrtf(d2)) : d, d2};
+}
+
+static bool brings(rgb value)
+{
+    float most = v3_max_component(value);
+    return most > 0.0f && most < INFINITY; /* not NaN */
+}
+
+static void push(connections *c, connection item)
+{
+    if (!brings(item.value))
+        return;
+    if (c->count == c->capacity) {
+        c->capacity = c->capacity ? 2 * c->capacity : 1024;
+        c->items = xrealloc(c->items, c->capacity * sizeof *c->items);
+    }
+    c->items[c->count++] = item;
+}
+
+/* How an eye vertex scatters what comes along `wi`: f cosine, and both densities. */
+typedef struct scattering {
+    rgb value;
+    float pdf, reverse, cosine; /* cosine: with the geometric normal */
+} scattering;
+
+static bool scatters(const vertex *x, vec3 wi, bool adjoint, scattering *out)
+{
+    const surface *s = &x->surface;
+    out->cosine = v3_dot(s->geometric_normal, wi);
+    float cosine = v3_dot(s->normal, wi);
+    if (!(out->cosine > 0.0f) || !(cosine > 0.0f))
+        return false;
+    rgb f = material_eval_pdf(s, wi, &out->pdf);
+    if (adjoint)
+        cosine *= adjoint_correction(s, wi);
+    out->value = v3_scale(v3_mul(x->throughput, f), cosine);
+    if (!(v3_max_component(out->value) > 0.0f))
+        return false;
+    out->reverse = reverse_pdf(s, wi);
+    return true;
+}
+
+static float weight(const settings *f, double eye_side, double light_side)
+{
+    return f->light_vertices >= 0 ? 1.0f : (float)(1.0 / (1.0 + eye_side + light_side));
+}
+
+/* Two surfaces. */
+static rgb value_of(const settings *f, const vertex *z, const vertex *y)
+{
+    scattering a, b;
+    link l = link_of(z->origin, y->origin);
+    if (!(l.distance2 > 0.0f) || !scatters(z, l.direction, false, &a) || !scatters(y, v3_neg(l.direction), true, &b))
+        return v3(0, 0, 0);
+    double eye_side = mis_side(f->heuristic, z->mis, (double)b.pdf * a.cosine / l.distance2, a.reverse);
+    double light_side = mis_side(f->heuristic, y->mis, (double)a.pdf * b.cosine / l.distance2, b.reverse);
+    return v3_scale(v3_mul(a.value, b.value), weight(f, eye_side, light_side) / l.distance2);
+}
+
+/* A surface and y_0: next-event estimation by the light path's own light. */
+static rgb value_of_light(const view *v, const vertex *z, const light_emission *y0)
+{
+    const settings *f = &v->settings;
+    bool infinite = y0->kind == SOURCE_DIRECTIONAL || y0->kind == SOURCE_ENVIRONMENT;
+    link l = infinite ? (link){v3_neg(y0->direction), 1.0f} : link_of(z->origin, y0->origin);
+    scattering a;
+    float pdf, cosine = 1.0f;
+    if (!(l.distance2 > 0.0f) || !scatters(z, l.direction, false, &a))
+        return v3(0, 0, 0);
+    rgb radiance = light_sources_radiance(v->lights, y0, v3_neg(l.direction), &pdf);
+    if (y0->kind == SOURCE_EMITTER)
+        cosine = -v3_dot(y0->normal, l.direction);
+    if (!(cosine > 0.0f))
+        return v3(0, 0, 0);
+    /* of the direction, as seen from here */
+    double direct = (double)y0->pdf_direct * l.distance2 / cosine;
+    bool met = y0->kind == SOURCE_EMITTER || y0->kind == SOURCE_ENVIRONMENT;
+    double light_side = met ? mis_power(f->heuristic, a.pdf / direct) : 0.0;
+    double eye_side = mis_side(f->heuristic, z->mis, (double)pdf * a.cosine / l.distance2, a.reverse);
+    return v3_scale(v3_mul(a.value, radiance), (float)(weight(f, eye_side, light_side) / direct));
+}
+
+static void connect_light(const view *v, const batch *b, uint32_t path, int32_t eye, uint32_t pixel, connections *out)
+{
+    const settings *f = &v->settings;
+    const vertex *z = &b->eye.vertices[eye];
+    const light_emission *y0 = &b->start[path];
+    if (z->edges < EDGES_MAX && strategy_wanted(f, z->edges + 1, 1))
+        push(out, (connection){y0->kind == SOURCE_EMITTER ? CONNECT_SURFACES : CONNECT_LIGHT, path, eye, -1,
+                               value_of_light(v, z, y0), pixel});
+}
+
+static void connect_surfaces(const view *v, const batch *b, uint32_t path, int32_t eye, uint32_t pixel,
+                             connections *out)
+{
+    const settings *f = &v->settings;
+    const vertex *z = &b->eye.vertices[eye];
+    for (int i = 0; i < b->light.count[path]; i++) {
+        int32_t at = b->light.of[path][i];
+        const vertex *y = &b->light.vertices[at];
+        int edges = z->edges + 1 + y->edges; /* specular vertices count as well */
+        if (edges <= EDGES_MAX && strategy_wanted(f, edges, y->edges + 1))
+            push(out, (connection){CONNECT_SURFACES, path, eye, at, value_of(f, z, y), pixel});
+    }
+}
+
+/* t = 1. */
+static void connect_camera(const view *v, const batch *b, uint32_t path, int32_t at, connections *out)
+{
+    const settings *f = &v->settings;
+    const vertex *y = &b->light.vertices[at];
+    float x_at, y_at, cosine;
+    scattering s;
+    if (y->edges >= EDGES_MAX || !strategy_wanted(f, y->edges + 1, y->edges + 1) ||
+        !camera_project(&v->camera, y->origin, &x_at, &y_at, &cosine))
+        return;
+    link l = link_of(y->origin, v->camera.eye);
+    if (!(l.distance2 > 0.0f) || !scatters(y, l.direction, true, &s))
+        return;
+    double pixels = (double)f->width * f->height;
+    double pdf = (double)camera_pixel_pdf(&v->camera, cosine) / l.distance2; /* per unit area facing the camera */
+    double light_side = mis_side(f->heuristic, y->mis, pdf * s.cosine / pixels, s.reverse);
+    rgb value = v3_scale(s.value, (float)(pdf / pixels * weight(f, 0.0, light_side)));
+    uint32_t pixel = (uint32_t)y_at * f->width + (uint32_t)x_at;
+    push(out, (connection){CONNECT_CAMERA, path, 0, at, value, pixel});
+}
+
+void connect_batch(const view *v, const batch *b, connections *out)
+{
+    out->count = 0;
+    for (uint32_t p = 0; p < b->count; p++) {
+        uint32_t pixel = b->y[p] * v->settings.width + b->x[p];
+        for (int i = 0; i < b->eye.count[p]; i++) {
+            if (b->lit[p])
+                connect_light(v, b, p, b->eye.of[p][i], pixel, out);
+            connect_surfaces(v, b, p, b->eye.of[p][i], pixel, out);
+        }
+        for (int i = 0; i < b->light.count[p]; i++)
+            connect_camera(v, b, p, b->light.of[p][i], out);
+    }
+}

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "density.h"
+
+#include "../common/scene.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    FEW = 16,       /* smaller: noise in the sizes of cells; larger: they follow the density too slowly */
+    DEPTH_MAX = 20, /* many vertices at one point */
+    NONE = -1,
+    TOP = 4, /* levels that one look-up stands for */
+    TOP_EDGE = 1 << TOP
+};
+
+/* A cube with more than a few vertices. What has less goes by the density of the cube around it. */
+typedef struct node {
+    int32_t children[8];
+    float density;
+} node;
+
+struct density_map {
+    node *nodes;
+    uint32_t count, capacity;
+    vec3 low;
+    float radius, scale; /* scale: cells of `top` per unit of length */
+    struct {
+        int32_t at, level;               /* the deepest node there, down to TOP */
+    } top[TOP_EDGE][TOP_EDGE][TOP_EDGE]; /* z, y, x */
+};
+
+static int octant(vec3 p, vec3 center)
+{
+    return (p.x >= center.x) | (p.y >= center.y) << 1 | (p.z >= center.z) << 2;
+}
+
+static vec3 child_center(vec3 center, float half, int k)
+{
+    return v3(center.x + (k & 1 ? half : -half), center.y + (k & 2 ? half : -half), center.z + (k & 4 ? half : -half));
+}
+
+/* Sorted by octant; start[k]: where octant k begins. */
+static void sort(vec3 *vertices, uint32_t count, vec3 center, uint32_t start[9])
+{
+    uint32_t next[8];
+    vec3 *sorted = xmalloc((count + 1) * sizeof *sorted);
+    memset(start, 0, 9 * sizeof *start);
+    for (uint32_t i = 0; i < count; i++)
+        start[octant(vertices[i], center) + 1]++;
+    for (int k = 0; k < 8; k++)
+        start[k + 1] += start[k];
+    memcpy(next, start, sizeof next);
+    for (uint32_t i = 0; i < count; i++)
+        sorted[next[octant(vertices[i], center)]++] = vertices[i];
+    memcpy(vertices, sorted, count * sizeof *sorted);
+    free(sorted);
+}
+
+static int32_t build(density_map *m, vec3 *vertices, uint32_t count, float paths, vec3 center, float radius, int depth)
+{
+    if (m->count == m->capacity) {
+        m->capacity = m->capacity ? 2 * m->capacity : 1024;
+        m->nodes = xrealloc(m->nodes, m->capacity * sizeof *m->nodes);
+    }
+    int32_t at = (int32_t)m->count++;
+    uint32_t start[9];
+    float edge = 2.0f * radius; /* a surface cuts about its square out of the cube */
+    m->nodes[at].density = (float)(count > 0 ? count : 1) / (paths * edge * edge);
+    sort(vertices, count, center, start);
+    for (int k = 0; k < 8; k++) {
+        uint32_t n = start[k + 1] - start[k];
+        int32_t child = NONE;
+        if (n > FEW && depth < DEPTH_MAX)
+            child = build(m, vertices + start[k], n, paths, child_center(center, 0.5f * radius, k), 0.5f * radius,
+                          depth + 1);
+        m->nodes[at].children[k] = child;
+    }
+    return at;
+}
+
+static void fill_top(density_map *m)
+{
+    for (int z = 0; z < TOP_EDGE; z++)
+        for (int y = 0; y < TOP_EDGE; y++)
+            for (int x = 0; x < TOP_EDGE; x++) {
+                int32_t at = 0, next, level = 0;
+                for (; level < TOP; level++, at = next) {
+                    int bit = TOP - 1 - level;
+                    next = m->nodes[at].children[(x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2];
+                    if (next == NONE)
+                        break;
+                }
+                m->top[z][y][x].at = at;
+                m->top[z][y][x].level = level;
+            }
+}
+
+density_map *density_map_new(const vec3 *vertices, uint32_t count, uint32_t paths, vec3 center, float radius)
+{
+    density_map *m = xcalloc(1, sizeof *m);
+    vec3 *copy = xmalloc((count + 1) * sizeof *copy);
+    memcpy(copy, vertices, count * sizeof *copy);
+    m->low = v3(center.x - radius, center.y - radius, center.z - radius);
+    m->radius = radius;
+    m->scale = 0.5f * TOP_EDGE / radius;
+    build(m, copy, count, (float)paths, center, radius, 0);
+    fill_top(m);
+    free(copy);
+    return m;
+}
+
+void density_map_free(density_map *m)
+{
+    if (m)
+        free(m->nodes);
+    free(m);
+}
+
+static int clamp(float x)
+{
+    return x > 0.0f ? x < TOP_EDGE - 1 ? (int)x : TOP_EDGE - 1 : 0;
+}
+
+float density_at(const density_map *m, vec3 position)
+{
+    vec3 at_top = v3_scale(v3_sub(position, m->low), m->scale);
+    int x = clamp(at_top.x), y = clamp(at_top.y), z = clamp(at_top.z);
+    int32_t at = m->top[z][y][x].at, level = m->top[z][y][x].level, next;
+    if (level < TOP)
+        return m->nodes[at].density;
+    float half = m->radius / TOP_EDGE;
+    vec3 center = v3_add(m->low, v3_scale(v3((float)x + 0.5f, (float)y + 0.5f, (float)z + 0.5f), 2.0f * half));
+    while ((next = m->nodes[at].children[octant(position, center)]) != NONE) {
+        half *= 0.5f;
+        center = child_center(center, half, octant(position, center));
+        at = next;
+    }
+    return m->nodes[at].density;
+}

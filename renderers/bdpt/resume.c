@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "resume.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const char *const modes[VISIBILITY_MODES] = {"exact", "cache", "estimate"};
+
+static void vector(image_texts *t, const char *name, vec3 v)
+{
+    image_text(t, name, "%.9g %.9g %.9g", (double)v.x, (double)v.y, (double)v.z);
+}
+
+/* Anything that changes what a pass adds. Numbers are written so that no two floats look alike. */
+static void add_identity(const view *v, const settings *s, image_texts *t)
+{
+    const scene *c = v->scene;
+    const camera_frame *f = &v->camera;
+    image_text(t, "triangles", "%llu", (unsigned long long)c->triangle_count);
+    vector(t, "boundsMin", c->bounds_min);
+    vector(t, "boundsMax", c->bounds_max);
+    image_text(t, "lights", "%u", c->light_count);
+    vector(t, "environment", c->environment ? environment_mean(c->environment) : v3(0, 0, 0));
+    vector(t, "cameraEye", f->eye);
+    vector(t, "cameraForward", f->forward);
+    vector(t, "cameraUp", f->up);
+    image_text(t, "cameraPixel", "%.9g", (double)f->pixel);
+    image_text(t, "heuristic", "%s", s->heuristic == HEURISTIC_POWER ? "power" : "balance");
+    image_text(t, "edges", "%d", s->edges);
+    image_text(t, "strategy", "%d", s->light_vertices);
+    if (s->visibility == VISIBILITY_EXACT)
+        return;
+    if (s->visibility == VISIBILITY_ESTIMATE)
+        image_text(t, "trace", "%.9g", (double)s->rays);
+    image_text(t, "epoch", "%d", s->epoch);
+    image_text(t, "ce", "%.9g", (double)s->ce);
+    image_text(t, "normalBins", "%d", s->cache.normal_bins);
+    image_text(t, "layers", "%d", s->cache.layers);
+    image_text(t, "resolutionStep", "%.9g", (double)s->cache.resolution_step);
+    image_text(t, "cacheBytes", "%llu", (unsigned long long)s->cache.table_bytes);
+}
+
+void resume_texts(const view *v, const settings *s, uint32_t done, image_texts *out)
+{
+    add_identity(v, s, out);
+    image_text(out, "passes", "%u", done);
+}
+
+static bool read_passes(const char *path, const char *text, uint32_t *out, message *err)
+{
+    char *end;
+    unsigned long n = strtoul(text, &end, 10);
+    if (!*text || *end || n < 1 || n > (1u << 20))
+        return fail(err, "%s: no image of bdpt to go on from", path);
+    *out = (uint32_t)n;
+    return true;
+}
+
+bool resume_load(const char *path, const view *v, film *out, message *err)
+{
+    const settings *s = &v->settings;
+    image_texts *wanted = xcalloc(1, sizeof *wanted);
+    exr_text texts[TEXTS_MAX + 1];
+    image_text(wanted, "scene", "%s", v->scene->name);
+    image_text(wanted, "seed", "%llu", (unsigned long long)s->seed);
+    image_text(wanted, "visibility", "%s", modes[s->visibility]);
+    add_identity(v, s, wanted);
+    size_t count = (size_t)wanted->count;
+    for (size_t i = 0; i < count; i++)
+        texts[i].name = wanted->items[i].name;
+    texts[count].name = "passes";
+    image read = {0};
+    bool ok = image_load_exr_texts(path, texts, count + 1, &read, err);
+    uint32_t done = 0;
+    ok = ok && read_passes(path, texts[count].value, &done, err);
+    if (ok && (read.width != s->width || read.height != s->height))
+        ok = fail(err, "%s: has %ux%u pixels, not %ux%u", path, read.width, read.height, s->width, s->height);
+    for (size_t i = 0; ok && i < count; i++)
+        if (strcmp(texts[i].value, wanted->values[i]) != 0)
+            ok = fail(err, "%s: was rendered with another %s: %s, not %s", path, texts[i].name, texts[i].value,
+                      wanted->values[i]);
+    if (ok && done >= (uint32_t)s->spp)
+        ok = fail(err, "%s: has %u passes already; --spp asks for %d", path, done, s->spp);
+    free(wanted);
+    if (!ok) {
+        image_free(&read);
+        return false;
+    }
+    *out = film_new(s->width, s->height);
+    image_free(&out->mean);
+    out->mean = read;
+    out->passes = done;
+    return true;
+}
