@@ -137,9 +137,10 @@ def front(points):
     return kept
 
 
-def points_of(a, scene, method, references):
+def steps(a, scene, method, references):
+    """Points of one method, a list for each number of paths."""
     _, _, values, paths = METHODS[method]
-    rows, last = [], {}
+    last = {}
     if a.quick:
         values, paths = values[:2], paths[:3]
     for step, spp in enumerate(paths):
@@ -149,11 +150,15 @@ def points_of(a, scene, method, references):
         if affordable and spp * SHARED > a.reference_spp:
             print(f"convergence.py: {scene}/{method}: {spp} and more paths left out, the reference has too few",
                   file=sys.stderr)
-            break
+            return
         for value in affordable:
             last[value] = measure(a, scene, references, method, value, spp)
             last[value]["scene"] = scene
-            rows.append(last[value])
+        yield [last[v] for v in affordable]
+
+
+def finish(a, rows, references):
+    """What is known of a method's points once all of them are there."""
     # its noise goes down with its paths, if at first more slowly where there are many light samples a path
     for row in rows:
         samples = max(1, row["samples"]) / max(1, references[0].samples)
@@ -162,8 +167,8 @@ def points_of(a, scene, method, references):
     for row in rows:
         row["front"] = "yes" if any(row is k for k in kept) else "no"
     if len(kept) < FEWEST and not a.quick:
-        print(f"convergence.py: {scene}/{method}: only {len(kept)} points on the curve", file=sys.stderr)
-    return rows
+        print(f"convergence.py: {rows[0]['scene']}/{rows[0]['method']}: only {len(kept)} points on the curve",
+              file=sys.stderr)
 
 
 # ---------------------------------------------------------------------------------------------------- curves, tables
@@ -304,15 +309,23 @@ def measure_scene(a, scene, methods, writer):
     except Failure as e:
         print(f"convergence.py: {scene}: no reference: {e}", file=sys.stderr)
         return [], len(methods)
+    # By turns: machines have slow minutes, which must not meet one method alone.
+    running, found = {m: steps(a, scene, m, references) for m in methods}, {m: [] for m in methods}
+    while running:
+        for m in list(running):
+            try:
+                found[m] += next(running[m])
+                continue
+            except StopIteration:
+                finish(a, found[m], references)
+            except Failure as e:
+                failed += 1
+                found[m] = []
+                print(f"convergence.py: {scene}/{m}: {e}", file=sys.stderr)
+            del running[m]
     for m in methods:
-        try:
-            found = points_of(a, scene, m, references)
-        except Failure as e:
-            failed += 1
-            print(f"convergence.py: {scene}/{m}: {e}", file=sys.stderr)
-            continue
-        writer(found)
-        rows += found
+        writer(found[m])
+        rows += found[m]
     return rows, failed
 
 
