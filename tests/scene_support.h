@@ -3,6 +3,7 @@
 #ifndef TESTS_SCENE_SUPPORT_H
 #define TESTS_SCENE_SUPPORT_H
 
+#include "material.h"
 #include "rng.h"
 #include "scene.h"
 
@@ -50,6 +51,23 @@ static inline mesh soup_mesh(rng *r, uint32_t count, float size, float radius, v
     mesh m = corners_mesh(corners, count, material_index);
     free(corners);
     return m;
+}
+
+/* Directional albedo of a surface, by quadrature. */
+static inline double directional_albedo(const surface *s)
+{
+    enum { ROWS = 400, COLUMNS = 400 };
+    double sum = 0.0;
+    vec3 x, y;
+    v3_basis(s->normal, &x, &y);
+    for (int i = 0; i < ROWS; i++)
+        for (int j = 0; j < COLUMNS; j++) {
+            float cosine = sqrtf(((float)i + 0.5f) / ROWS), sine = sqrtf(1.0f - cosine * cosine);
+            float phi = 2.0f * PI_F * ((float)j + 0.5f) / COLUMNS;
+            vec3 wi = v3_add(v3_scale(x, sine * cosf(phi)), v3_scale(y, sine * sinf(phi)));
+            sum += (double)material_eval(s, v3_mad(wi, cosine, s->normal)).y;
+        }
+    return sum * 3.14159265358979 / ((double)ROWS * COLUMNS);
 }
 
 static inline uint32_t place_mesh(scene *s, uint32_t mesh_index, const float to_world[12])

@@ -56,23 +56,6 @@ static void furnaces(void **state)
         }
 }
 
-/* Directional albedo, by quadrature. */
-static double albedo(const surface *s)
-{
-    enum { ROWS = 300, COLUMNS = 300 };
-    double sum = 0.0;
-    vec3 x, y;
-    v3_basis(s->normal, &x, &y);
-    for (int i = 0; i < ROWS; i++)
-        for (int j = 0; j < COLUMNS; j++) {
-            float cosine = sqrtf(((float)i + 0.5f) / ROWS), sine = sqrtf(1.0f - cosine * cosine);
-            float phi = 2.0f * PI_F * ((float)j + 0.5f) / COLUMNS;
-            vec3 wi = v3_add(v3_scale(x, sine * cosf(phi)), v3_scale(y, sine * sinf(phi)));
-            sum += (double)material_eval(s, v3_mad(wi, cosine, s->normal)).y;
-        }
-    return sum * 3.14159265358979 / ((double)ROWS * COLUMNS);
-}
-
 /* Black walls of radiance 1, and a glossy square, seen at a slant: its radiance is its albedo in that direction. */
 static void glossy_furnace(void **state)
 {
@@ -94,7 +77,7 @@ static void glossy_furnace(void **state)
         surface hit;
         assert_true(tracer_closest(g.t, g.v.camera.eye, g.v.camera.forward, &hit));
         tally t = stage_tally(&g, NULL, 200, 1);
-        assert_within(&t, albedo(&hit), 1e-3, "gloss"); /* quadrature, and the angle over the picture */
+        assert_within(&t, directional_albedo(&hit), 1e-3, "gloss"); /* quadrature, and the angle over the picture */
         assert_true(tally_error(&t) < 0.003);
         stage_free(&g);
     }

@@ -48,23 +48,6 @@ static void furnace_diffuse(void **state)
     stage_free(&g);
 }
 
-/* Directional albedo of what the camera sees, by quadrature. */
-static double albedo(const surface *s)
-{
-    enum { ROWS = 400, COLUMNS = 400 };
-    double sum = 0.0;
-    vec3 x, y;
-    v3_basis(s->normal, &x, &y);
-    for (int i = 0; i < ROWS; i++)
-        for (int j = 0; j < COLUMNS; j++) {
-            float cosine = sqrtf(((float)i + 0.5f) / ROWS), sine = sqrtf(1.0f - cosine * cosine);
-            float phi = 2.0f * PI_F * ((float)j + 0.5f) / COLUMNS;
-            vec3 wi = v3_add(v3_scale(x, sine * cosf(phi)), v3_scale(y, sine * sinf(phi)));
-            sum += (double)material_eval(s, v3_mad(wi, cosine, s->normal)).y;
-        }
-    return sum * 3.14159265358979 / ((double)ROWS * COLUMNS);
-}
-
 static void furnace_gloss(void **state)
 {
     (void)state;
@@ -80,7 +63,7 @@ static void furnace_gloss(void **state)
         stage g = stage_new(s, slanted(1.0f, 0.02f), 32, 32, 16);
         surface center;
         assert_true(tracer_closest(g.t, g.v.camera.eye, g.v.camera.forward, &center));
-        double expected = albedo(&center);
+        double expected = directional_albedo(&center);
         assert_true(expected < 1.0 && expected > 0.3); /* what single scattering of a rough metal leaves */
         frame exact = stage_render(&g, 0.0f), cached = stage_render(&g, 8.0f);
         tally t = {0};
