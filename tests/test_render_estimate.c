@@ -294,6 +294,41 @@ static void threads(void **state)
     }
 }
 
+/* The ridge of a roof within one pixel, whose sides share a prediction, and lights a degree below or above the horizon
+ * of its middle: one side sees what the middle does not, the other does not see what the middle does. */
+static void ridge(void **state)
+{
+    (void)state;
+    for (int above = 0; above < 2; above++) {
+        enum { LIGHTS = 64, FRAMES = 300 };
+        scene *s = scene_new("ridge");
+        uint32_t grey = add_material(s, MATERIAL_DIFFUSE, 0.8f);
+        const float slope = 0.0068f; /* 0.39 degrees */
+        add_quad(s, v3(-1, -slope, -1), v3(0, 0, 2), v3(1, slope, 0), grey);
+        add_quad(s, v3(0, 0, -1), v3(0, 0, 2), v3(1, -slope, 0), grey);
+        for (int i = 0; i < LIGHTS; i++)
+            add_point_light(s, v3(i % 2 ? 20 : -20, above ? 0.05f : -0.05f, (float)i / LIGHTS - 0.5f), 100.0f);
+        stage g = stage_new(s, camera_look(v3(0, 5, 0), v3(0, 0, 0), v3(0, 0, 1), 0.1f), 1, 1, 16);
+        g.v.settings.light_samples = g.v.settings.env_samples = 0;
+        tally t = {0};
+        double exact_energy = 0.0;
+        for (g.v.settings.seed = 1; g.v.settings.seed <= FRAMES; g.v.settings.seed++) {
+            /* more is traced than the middle asks for */
+            frame exact = render(&g, VISIBILITY_EXACT, 4.0f), estimate;
+            g.v.settings.visibility = VISIBILITY_ESTIMATE;
+            assert_true(frame_render(&g.v, "test", true, NULL, NULL, &estimate, NULL));
+            exact_energy += energy(&exact) / FRAMES;
+            tally_add(&t, energy(&estimate) - energy(&exact));
+            frame_free(&exact);
+            frame_free(&estimate);
+        }
+        print_message("lights %s: %+.3f %% +- %.3f %%\n", above ? "above" : "below",
+                      100.0 * tally_mean(&t) / exact_energy, 100.0 * tally_error(&t) / exact_energy);
+        assert_true(fabs(tally_mean(&t)) <= 3.0 * tally_error(&t) && tally_error(&t) < 0.02 * exact_energy);
+        stage_free(&g);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -306,6 +341,7 @@ int main(void)
         cmocka_unit_test(samples_of_one_pixel),
         cmocka_unit_test(learning_helps),
         cmocka_unit_test(threads),
+        cmocka_unit_test(ridge),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

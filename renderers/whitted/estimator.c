@@ -135,11 +135,12 @@ static bool is_diffuse(const eye_sample *e)
 
 /* ---------------------------------------------------------------------------------------------------- groups */
 
-/* Whether lights look alike from both: diffuse, in one pixel, on one nearly flat piece of surface. Looser bounds save
- * little and make more noise; that of heights is half the distance between eye samples. */
+/* Whether lights look alike from both: diffuse, in one pixel, on one flat piece of surface. Normals lie within 0.8
+ * degrees: what one of them sees below the horizon of another is next to nothing then. Looser bounds save nothing; that
+ * of heights is half the distance between eye samples. */
 static bool alike(const eye_sample *a, const eye_sample *b)
 {
-    const float cosine = 0.99f, height_max = 0.5f, distance_max = 16.0f;
+    const float cosine = 0.9999f, height_max = 0.5f, distance_max = 16.0f;
     if (a->pixel != b->pixel || !is_diffuse(a) || !is_diffuse(b))
         return false;
     vec3 d = v3_sub(b->surface.position, a->surface.position), n = a->surface.geometric_normal;
@@ -181,16 +182,18 @@ static eye_sample middle_of(const group *g, const eye_sample *const *eyes, const
     out.weight = out.surface.color = v3(1, 1, 1);
     if (g->count == 1)
         return out;
-    vec3 origin = {0, 0, 0}, position = {0, 0, 0}, normal = {0, 0, 0};
+    vec3 origin = {0, 0, 0}, position = {0, 0, 0}, normal = {0, 0, 0}, geometric = {0, 0, 0};
     for (uint32_t k = 0; k < g->count; k++) {
         const eye_sample *e = eyes[members[k]];
         origin = v3_add(origin, e->origin);
         position = v3_add(position, e->surface.position);
         normal = v3_add(normal, e->surface.normal);
+        geometric = v3_add(geometric, e->surface.geometric_normal);
     }
     out.origin = v3_scale(origin, 1.0f / (float)g->count);
     out.surface.position = v3_scale(position, 1.0f / (float)g->count);
     out.surface.normal = v3_normalize(normal);
+    out.surface.geometric_normal = v3_normalize(geometric);
     return out;
 }
 
