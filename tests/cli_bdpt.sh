@@ -104,6 +104,16 @@ else
     read_json out/y.json
     figure_is mode_run.passes $((passes + 1))
     finish "SIGINT keeps the passes that are done, and they are gone on from"
+
+    rm -rf out && mkdir out
+    start cornell --size 1600x1200 --threads 1 --visibility exact -o out/x.exr --quiet
+    kill -INT "$child"
+    reap
+    [[ $rc -eq 130 ]] || problem "exit $rc instead of 130 ($said)"
+    is_exr out/x.exr
+    mv out/x.exr begun.exr
+    clean_failure 1 "no pass" cornell --size 1600x1200 --visibility exact --spp 20 --resume begun.exr
+    finish "SIGINT within the first pass leaves a picture, but nothing to go on from"
 fi
 
 tap_end

@@ -26,7 +26,7 @@ typedef struct passes passes;
 passes *passes_new(const view *v, vcache *cache, film *out);
 void passes_free(passes *p);
 /* Adds pass `index`, whose random numbers are its own. False where it was interrupted: it is left out then, but for the
- * first, of which there is a part. */
+ * first, of which the film has a part and counts none. */
 bool passes_render(passes *p, uint32_t index);
 /* Depth and normal alone, of the first pass, where one goes on from later ones. */
 void passes_first_hits(passes *p);

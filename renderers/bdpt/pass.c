@@ -195,6 +195,8 @@ bool passes_render(passes *p, uint32_t index)
             p->pass.pixels[s->pixel] = v3_add(p->pass.pixels[s->pixel], s->value);
         }
     film_add(out, &p->pass, &p->seen);
+    if (!complete)
+        out->passes = 0; /* a part of one is nothing to go on from */
     return complete;
 }
 

@@ -51,7 +51,7 @@ static bool read_passes(const char *path, const char *text, uint32_t *out, messa
     char *end;
     unsigned long n = strtoul(text, &end, 10);
     if (!*text || *end || n < 1 || n > (1u << 20))
-        return fail(err, "%s: no image of bdpt to go on from", path);
+        return fail(err, "%s: no pass of bdpt to go on from", path);
     *out = (uint32_t)n;
     return true;
 }

@@ -361,7 +361,7 @@ static void trace_rest(connection_visibility *o, const batch *b, const connectio
 void connection_visibility_resolve(connection_visibility *o, const batch *b, connections *c)
 {
     bool estimates = o->v->settings.visibility == VISIBILITY_ESTIMATE && o->cache;
-    reserve(o, c->count);
+    reserve(o, c->count + 1); /* never NULL */
     if (o->cache)
         forget_ends(o);
     if (estimates)
