@@ -7,14 +7,19 @@
 Groups of cases (--list shows all):
   rays/SCENE/MODE     times, rays and difference to exact connections of the same paths; the noise of the exact image for
                       comparison (difference of two seeds)
-  depth/SCENE/N       the plain cache's difference in paths of N edges alone, as a share of the whole image
+  depth/SCENE/N       the plain cache's difference in paths of N edges alone
+  gloss/SCENE/R       the same with every opaque material of the scene given roughness R
+  partners/SCENE/M    exact and cached connections of each eye path to M light paths
   time/SCENE/MODE     error against a converged image of another seed over the seconds of a frame
 
 FOLDER holds NAME/NAME.glb and hdri/. Build first: meson setup build && ninja -C build.
 """
 import csv
+import json
 import os
+import struct
 import sys
+import tempfile
 
 sys.dont_write_bytecode = True
 from scenes import ROOT, Failure, Parser, missing_file, public, run, scene_words, table
@@ -22,9 +27,11 @@ from scenes import ROOT, Failure, Parser, missing_file, public, run, scene_words
 SCENES = ["cornell", "kitchen", "living-room", "conference", "san-miguel"]
 MODES = ["cache", "estimate"]
 DEPTHS = [2, 3, 4, 5, 6]
+GLOSS = ["1", "0.6", "0.4", "0.25", "0.15"]
+PARTNERS = [1, 2, 4, 8, 16]
 PATHS = [1, 2, 4, 8, 16, 32, 64, 128, 256]
 COLUMNS = ["case", "scene", "mode", "spp", "epoch", "edges", "ce", "trace", "exact_s", "exact_visibility_s", "mode_s",
-           "mode_visibility_s", "faster", "asked", "traced", "share", "l_inf", "noise", "rel_mse", "command"]
+           "mode_visibility_s", "faster", "exact_rel_mse", "partners", "roughness", "asked", "traced", "share", "l_inf", "noise", "rel_mse", "command"]
 
 
 def command(a, scene, spp, *more):
@@ -56,7 +63,7 @@ def noise(a, scene, spp):
 def row_of(a, case, scene, mode, figures, words):
     exact, chosen, error = figures["exact"], figures["mode_run"], figures["error"]
     return {"case": case, "scene": scene, "mode": mode, "spp": figures["spp"], "epoch": figures["epoch"],
-            "edges": figures["edges"], "ce": figures["ce"], "trace": figures["trace"], "exact_s": exact["frame_s"],
+            "edges": figures["edges"], "partners": figures["partners"], "ce": figures["ce"], "trace": figures["trace"], "exact_s": exact["frame_s"],
             "exact_visibility_s": exact["shade_s"], "mode_s": chosen["frame_s"], "mode_visibility_s": chosen["shade_s"],
             "faster": figures["speedup"]["frame"], "asked": chosen["rays_asked"], "traced": chosen["rays_traced"],
             "share": chosen["rays_traced"] / max(1, chosen["rays_asked"]), "l_inf": error["l_inf"],
@@ -77,11 +84,52 @@ def depth(a, scene, edges):
     return [row]
 
 
+def with_roughness(source, roughness, out):
+    """A copy of a .glb whose opaque materials all have this roughness."""
+    data = open(source, "rb").read()
+    length, = struct.unpack_from("<I", data, 12)
+    scene = json.loads(data[20:20 + length])
+    for m in scene.get("materials", []):
+        if "KHR_materials_transmission" in m.get("extensions", {}):
+            continue
+        pbr = m.setdefault("pbrMetallicRoughness", {})
+        pbr["roughnessFactor"] = roughness
+        pbr.pop("metallicRoughnessTexture", None)
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length:]
+    out.write(struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest)
+    out.flush()
+
+
+def gloss(a, scene, roughness):
+    words = ["--visibility", "cache", "--epoch", str(a.spp)]
+    shown = command(a, scene, a.spp, *words)
+    with tempfile.NamedTemporaryFile(suffix=".glb") as copy:
+        source = shown[1]
+        with_roughness(source, float(roughness), copy)
+        row = row_of(a, f"gloss/{scene}/{roughness}", scene, "cache",
+                     run([copy.name if w == source else w for w in shown] +
+                         ["--compare", "--runs", str(a.runs), "--quiet", "--json", "-"]), shown)
+    row["roughness"] = roughness
+    row["command"] = ""  # of a copy of the scene
+    return [row]
+
+
 def reference(a, scene):
     path = image(a, f"{scene}-{a.size}-{a.reference_spp}spp-seed99")
     if not os.path.exists(path):
         run(command(a, scene, a.reference_spp, "--visibility", "exact", "--seed", "99", "-o", path, "--quiet", "--json", "-"))
     return path
+
+
+def partners(a, scene, count):
+    words = ["--visibility", "cache", "--epoch", str(a.spp), "--partners", count]
+    row = row_of(a, f"partners/{scene}/{count}", scene, "cache", pair(a, scene, a.spp, *words),
+                 command(a, scene, a.spp, *words))
+    exact = command(a, scene, a.spp, "--visibility", "exact", "--partners", count)
+    row["exact_rel_mse"] = against(exact, reference(a, scene))[1]["rel_mse"]
+    return [row]
 
 
 def over_time(a, scene, mode):
@@ -113,13 +161,21 @@ def report(group, rows):
                    ("of it visibility", "---:", lambda r: f"{r['mode_visibility_s']:.2f} s"),
                    ("faster", "---:", lambda r: f"{r['faster']:.2f}x"),
                    ("limit", "---:", lambda r: f"{r['exact_s'] / (r['exact_s'] - r['exact_visibility_s']):.2f}x")]
-    elif group == "depth":
-        columns = [("scene", "---", lambda r: r["scene"]), ("edges", "---:", lambda r: str(r["edges"])),
-                   ("rays traced", "---:", lambda r: percent(r["share"])), ("`l_inf`", "---:", lambda r: percent(r["l_inf"]))]
-    else:
+    elif group == "time":
         columns = [("scene", "---", lambda r: r["scene"]), ("mode", "---", lambda r: r["mode"]),
                    ("paths", "---:", lambda r: str(r["spp"])), ("seconds", "---:", lambda r: f"{r['mode_s']:.2f}"),
                    ("relMSE", "---:", lambda r: f"{r['rel_mse']:.3g}"), ("`l_inf`", "---:", lambda r: percent(r["l_inf"]))]
+    else:
+        what = {"depth": "edges", "gloss": "roughness", "partners": "partners"}[group]
+        columns = [("scene", "---", lambda r: r["scene"]), (what, "---:", lambda r: str(r[what])),
+                   ("rays traced", "---:", lambda r: percent(r["share"])), ("`l_inf`", "---:", lambda r: percent(r["l_inf"])),
+                   ("relMSE", "---:", lambda r: f"{r['rel_mse']:.2g}")]
+        if group == "partners":
+            one = {r["scene"]: r["exact_s"] * r["exact_rel_mse"] for r in reversed(rows)}
+            columns += [("exact's relMSE", "---:", lambda r: f"{r['exact_rel_mse']:.3g}"),
+                        ("times seconds", "---:", lambda r: f"{r['exact_s'] * r['exact_rel_mse'] / one[r['scene']]:.2f}"),
+                        ("exact", "---:", lambda r: f"{r['exact_s']:.2f} s"), ("cache", "---:", lambda r: f"{r['mode_s']:.2f} s"),
+                        ("faster", "---:", lambda r: f"{r['faster']:.2f}x")]
     print(table(columns, rows), end="\n\n", flush=True)
 
 
@@ -128,6 +184,10 @@ def cases():
         yield from (("rays", s, m) for m in MODES)
     for s in SCENES:
         yield from (("depth", s, str(n)) for n in DEPTHS)
+    for s in ["kitchen", "conference"]:
+        yield from (("gloss", s, r) for r in GLOSS)
+    for s in SCENES:
+        yield from (("partners", s, str(m)) for m in PARTNERS)
     for s in SCENES:
         yield from (("time", s, m) for m in ["exact"] + MODES)
 
@@ -154,7 +214,8 @@ def main():
     if not os.access(a.bdpt, os.X_OK):
         parser.error(f"{a.bdpt}: not there; meson setup build && ninja -C build")
     os.makedirs(a.references, exist_ok=True)
-    kinds, failed, done = {"rays": rays, "depth": depth, "time": over_time}, 0, 0
+    kinds = {"rays": rays, "depth": depth, "gloss": gloss, "partners": partners, "time": over_time}
+    failed = done = 0
     with parser.open_csv(a) as out:
         writer = csv.DictWriter(out, COLUMNS, extrasaction="ignore", lineterminator="\n")
         writer.writeheader()

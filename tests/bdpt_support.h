@@ -3,6 +3,7 @@
 #ifndef TESTS_BDPT_SUPPORT_H
 #define TESTS_BDPT_SUPPORT_H
 
+#include "../renderers/bdpt/pilot.h"
 #include "../renderers/bdpt/render.h"
 #include "scene_support.h"
 
@@ -41,6 +42,7 @@ static inline stage stage_new(scene *s, camera c, uint32_t width, uint32_t heigh
                               .threads = 1,
                               .heuristic = HEURISTIC_POWER,
                               .ce = 12.0f,
+                              .partners = 1,
                               .light_vertices = -1,
                               .cache = vcache_default_config()};
     view_set(&g.v, s, g.t, g.l, &c);

@@ -107,6 +107,55 @@ static void strategies_agree(void **state)
     }
 }
 
+/* Visibility before or after what a connection brings: the same image bit for bit. Roulette of little connections
+ * leaves fewer, and the mean as it is. */
+static void arrangements(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < ROOMS; kind++) {
+        stage g = stage_new(room_scene(kind), room_camera(), 24, 16);
+        settings *f = &g.v.settings;
+        f->partners = 4;
+        static pilot after, before, roulette;
+        before.visibility_first = true;
+        const pilot *pilots[] = {NULL, &after, &before, &roulette};
+        film films[3];
+        counts asked[4];
+        double seconds;
+        tally t[2];
+        for (int i = 0; i < PILOT_REGIONS * PILOT_REGIONS; i++)
+            roulette.least[i / PILOT_REGIONS][i % PILOT_REGIONS] = 0.05f;
+        for (int i = 0; i < 4; i++) {
+            film one = film_new(f->width, f->height);
+            g.v.pilot = pilots[i];
+            passes *p = passes_new(&g.v, NULL, &one);
+            assert_true(passes_render(p, 0));
+            asked[i] = passes_counts(p, &seconds);
+            passes_free(p);
+            if (i < 3)
+                films[i] = one;
+            else
+                film_free(&one);
+        }
+        size_t bytes = (size_t)f->width * f->height * sizeof(rgb);
+        assert_memory_equal(films[0].mean.pixels, films[1].mean.pixels, bytes);
+        assert_memory_equal(films[0].mean.pixels, films[2].mean.pixels, bytes);
+        for (int i = 0; i < 3; i++)
+            film_free(&films[i]);
+        assert_true(asked[0].asked == asked[1].asked && asked[0].camera == asked[2].camera);
+        assert_true(asked[2].asked >= asked[1].asked); /* those that bring nothing are asked as well */
+        print_message("light %d: %.3f of the connections survive\n", kind,
+                      (double)asked[3].asked / (double)asked[1].asked);
+        assert_true(asked[3].asked < asked[1].asked * 9 / 10 && asked[3].camera < asked[1].camera);
+        for (int i = 0; i < 2; i++) {
+            g.v.pilot = i ? &roulette : NULL;
+            t[i] = stage_tally(&g, NULL, 300, 1000 + 1000 * (uint64_t)i);
+        }
+        assert_same_mean(&t[0], &t[1], "roulette");
+        stage_free(&g);
+    }
+}
+
 /* Light, glass, glass, floor, camera: found by paths from the eye alone and by paths from the light alone. `half`: edge
  * of the lamp; a pane or a ball of glass. */
 static stage behind_glass(float half, bool ball)
@@ -200,8 +249,10 @@ static void textured_emitters(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(furnaces), cmocka_unit_test(glossy_furnace),           cmocka_unit_test(strategies_agree),
-        cmocka_unit_test(caustics), cmocka_unit_test(small_light_behind_glass), cmocka_unit_test(textured_emitters),
+        cmocka_unit_test(furnaces),          cmocka_unit_test(glossy_furnace),
+        cmocka_unit_test(strategies_agree),  cmocka_unit_test(arrangements),
+        cmocka_unit_test(caustics),          cmocka_unit_test(small_light_behind_glass),
+        cmocka_unit_test(textured_emitters),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

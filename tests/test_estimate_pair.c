@@ -229,10 +229,11 @@ static void answers_stay(void **state)
                 move_eye(c, &p, 0.1 + 0.1 * (e % 8), 0.1 + 0.1 * (e / 8));
                 for (uint32_t i = 0; i < PAIR_LIGHTS; i++) {
                     uint64_t seen[2] = {0};
+                    vcache_vertex_pair pairs[4] = {[3] = {&p.eye_vertex, &p.light_vertex[i]}};
                     if (turn == 2)
                         learn(w, &p, e % 2, i, i % 3 != 0, 5);
                     wrong += vcache_visible(w, eye_of(&p), &p.light[i], lit, &rays[turn]) != (i % 3 == 0);
-                    assert_true(vcache_add_vertices(w, &p.eye_vertex, &p.light_vertex[i], seen, 3));
+                    assert_int_equal(vcache_add_vertices(w, pairs, 3, 4, seen), 4);
                     assert_true(vcache_resolve(w, lit, &rays[turn]));
                     wrong += seen[0] != (i % 3 == 0 ? 8u : 0u);
                 }

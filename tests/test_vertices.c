@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Ends of bidirectional path tracing: cells of Eq. 6, units, what a vertex remembers, densities of any size. */
+/* Ends of bidirectional path tracing: cells of Eq. 6, units, keys, densities of any size. */
 #include "support.h"
 
 static vcache *box_cache(float low, float high, float ratio)
@@ -64,6 +64,15 @@ static void eq_6(void **state)
 
 /* --------------------------------------------------------------------------------------------------- pairs of paths */
 
+/* One pair, answered in bit `bit`. */
+static bool add_pair(vcache_worker *worker, const vcache_vertex *eye, const vcache_vertex *light, uint64_t *visible,
+                     uint32_t bit)
+{
+    vcache_vertex_pair pairs[128];
+    pairs[bit] = (vcache_vertex_pair){eye, light};
+    return vcache_add_vertices(worker, pairs, bit, bit + 1, visible) == bit + 1;
+}
+
 static bool parity(void *context, const vcache_miss *misses, size_t count, vcache_answer *answers)
 {
     *(size_t *)context += count;
@@ -98,11 +107,16 @@ static size_t trace_paths(double unit, uint32_t capacity, vcache_statistics *s)
             vcache_prepare_eye_vertex(c, &e, 12.0f, 100.0f, 0, &eye[i]);
             vcache_prepare_light_vertex(c, &l, &light[i]);
         }
-        for (uint32_t pair = 0; pair < LENGTH * LENGTH;)
-            if (vcache_add_vertices(worker, &eye[pair / LENGTH], &light[pair % LENGTH], visible, pair))
-                pair++;
-            else
+        vcache_vertex_pair pairs[LENGTH * LENGTH];
+        for (uint32_t pair = 0; pair < LENGTH * LENGTH; pair++)
+            pairs[pair] = (vcache_vertex_pair){&eye[pair / LENGTH], &light[pair % LENGTH]};
+        for (uint32_t next = 0; next < LENGTH * LENGTH;) {
+            uint32_t taken = vcache_add_vertices(worker, pairs, next, LENGTH * LENGTH, visible);
+            assert_true(taken > next && taken <= LENGTH * LENGTH);
+            next = taken;
+            if (next < LENGTH * LENGTH)
                 assert_true(vcache_resolve(worker, parity, &rays));
+        }
         assert_true(vcache_resolve(worker, parity, &rays));
     }
     *s = statistics_of(worker);
@@ -135,26 +149,27 @@ static void units_do_not_matter(void **state)
     assert_true(fabs((double)one - (double)metres) <= 0.002 * (double)metres);
 }
 
-/* What a vertex remembers is what a fresh one computes, in any order of steps, more of them than it can remember. */
-static void memory_of_a_vertex(void **state)
+/* An end's seed, its cell and the step count in the key, and nothing else does: not the batch, not what went before. */
+static void keys(void **state)
 {
     (void)state;
     vcache *c = box_cache(-1.0f, 1.0f, 1.05f);
     uint64_t seed = 3;
-    for (int i = 0; i < 200; i++) {
-        vcache_surface s = random_vertex(&seed, -1.0, 1.0, 3.0);
-        vcache_vertex old[2], fresh[2];
-        vcache_prepare_eye_vertex(c, &s, 4.0f, 100.0f, (uint64_t)i % 3, &old[0]);
-        vcache_prepare_light_vertex(c, &s, &old[1]);
-        for (int k = 0; k < 200; k++) {
-            int step = (int)(random_bits(&seed) % (uint64_t)c->step_limit);
-            vcache_prepare_eye_vertex(c, &s, 4.0f, 100.0f, (uint64_t)i % 3, &fresh[0]);
-            vcache_prepare_light_vertex(c, &s, &fresh[1]);
-            assert_true(vertex_hash(c, &old[0], step) == vertex_hash(c, &fresh[0], step));
-            assert_true(vertex_hash(c, &old[1], step) == vertex_hash(c, &fresh[1], step));
-            assert_true(vertex_hash(c, &old[0], step) != vertex_hash(c, &old[1], step)); /* the two sides differ */
-            assert_true(vertex_hash(c, &old[0], step) == vertex_hash(c, &old[0], step));
-        }
+    for (int i = 0; i < 2000; i++) {
+        vcache_surface s = random_vertex(&seed, -1.0, 1.0, 3.0), t = random_vertex(&seed, -1.0, 1.0, 3.0);
+        vcache_vertex eye, salted, light, swapped[2];
+        vcache_prepare_eye_vertex(c, &s, 4.0f, 100.0f, 0, &eye);
+        vcache_prepare_eye_vertex(c, &s, 4.0f, 100.0f, 1, &salted);
+        vcache_prepare_light_vertex(c, &t, &light);
+        vcache_prepare_eye_vertex(c, &t, 4.0f, 100.0f, 0, &swapped[0]);
+        vcache_prepare_light_vertex(c, &s, &swapped[1]);
+        int fine = c->canonical[c->step_limit / 2], finer = c->canonical[c->step_limit / 2 + 2];
+        uint64_t key = vertex_key(c, 5, &eye, &light, fine);
+        assert_true(key == vertex_key(c, 5, &eye, &light, fine));
+        assert_true(key != vertex_key(c, 6, &eye, &light, fine));
+        assert_true(key != vertex_key(c, 5, &eye, &light, finer));
+        assert_true(key != vertex_key(c, 5, &salted, &light, fine));
+        assert_true(key != vertex_key(c, 5, &swapped[0], &swapped[1], fine)); /* the two sides differ */
     }
     vcache_destroy(&c);
 }
@@ -186,7 +201,8 @@ static void any_density(void **state)
         for (int i = 0; i < LENGTH + 5; i++)
             for (int k = 0; k < LENGTH + 5; k++) {
                 int step = vertex_step(c, &eye[i], &light[k]);
-                bool odd_end = (i >= LENGTH && odd[i - LENGTH] != INFINITY) || (k >= LENGTH && odd[k - LENGTH] != INFINITY);
+                bool odd_end =
+                    (i >= LENGTH && odd[i - LENGTH] != INFINITY) || (k >= LENGTH && odd[k - LENGTH] != INFINITY);
                 if (odd_end || !usable)
                     assert_int_equal(step, -1);
                 else
@@ -194,7 +210,7 @@ static void any_density(void **state)
                 uint64_t visible = 0;
                 size_t before = rays;
                 for (int again = 0; again < 2; again++) {
-                    assert_true(vcache_add_vertices(worker, &eye[i], &light[k], &visible, 3));
+                    assert_true(add_pair(worker, &eye[i], &light[k], &visible, 3));
                     assert_true(vcache_resolve(worker, parity, &rays));
                 }
                 if (step < 0)
@@ -235,9 +251,9 @@ static void as_other_ends(void **state)
     vcache_prepare_light_vertex(c, &near, &beside);
     uint64_t visible[2] = {0, ~(uint64_t)0};
     size_t rays = 0;
-    assert_true(vcache_add_vertices(worker, &a, &b, visible, 64));
-    assert_true(vcache_add_vertices(worker, &a, &b, visible, 65));
-    assert_false(vcache_add_vertices(worker, &a, &b, visible, 66)); /* full */
+    assert_true(add_pair(worker, &a, &b, visible, 64));
+    assert_true(add_pair(worker, &a, &b, visible, 65));
+    assert_false(add_pair(worker, &a, &b, visible, 66)); /* full */
     const vcache_miss *m;
     assert_int_equal(vcache_misses(worker, &m), 1);
     assert_int_equal(m[0].eye_user, 1);
@@ -248,17 +264,17 @@ static void as_other_ends(void **state)
     vcache_commit(worker, (vcache_answer[]){VCACHE_BLOCKED});
     assert_int_equal(vcache_misses(worker, NULL), 0);
     assert_true(visible[0] == 0 && visible[1] == ~(uint64_t)3);
-    assert_true(vcache_add_vertices(worker, &salted, &b, visible, 0)); /* another key */
+    assert_true(add_pair(worker, &salted, &b, visible, 0)); /* another key */
     assert_int_equal(vcache_misses(worker, NULL), 1);
     assert_true(vcache_resolve(worker, parity, &rays));
-    assert_true(vcache_add_vertices(worker, &salted, &b, visible, 0));
+    assert_true(add_pair(worker, &salted, &b, visible, 0));
     assert_int_equal(vcache_misses(worker, NULL), 0);
     assert_int_equal(visible[0], 1);
     for (int i = 0; i < 3; i++) {
-        vcache_add_vertices(worker, &a, &beside, visible, 0);
+        add_pair(worker, &a, &beside, visible, 0);
         assert_int_equal(vcache_misses(worker, NULL), 1);
         vcache_resolve(worker, parity, &rays);
-        vcache_add_vertices(exact, &a, &b, visible, 0);
+        add_pair(exact, &a, &b, visible, 0);
         assert_int_equal(vcache_misses(exact, NULL), i + 1);
     }
     assert_int_equal(statistics_of(worker).bypassed, 3);
@@ -270,7 +286,7 @@ static void as_other_ends(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(eq_6),        cmocka_unit_test(units_do_not_matter), cmocka_unit_test(memory_of_a_vertex),
+        cmocka_unit_test(eq_6),        cmocka_unit_test(units_do_not_matter), cmocka_unit_test(keys),
         cmocka_unit_test(any_density), cmocka_unit_test(as_other_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

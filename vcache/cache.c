@@ -133,6 +133,8 @@ static void measure(vcache *c)
     c->steps = count;
     for (int k = 0; k < count; k++) {
         c->resolution[k] = (uint32_t)c->power[k];
+        float side = (float)(c->diameter / c->resolution[k]);
+        c->side_squared[k] = side * side;
         c->canonical[k] = (uint16_t)(k > 0 && c->resolution[k] == c->resolution[k - 1] ? c->canonical[k - 1] : k);
     }
 

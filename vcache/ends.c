@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Prepared ends: everything of a key that one end of a connection determines, hashed once. */
-#include "internal.h"
+#include "cells.h"
 
 #include <float.h>
 #include <math.h>
@@ -10,8 +10,8 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-/* Seeds keep eye cells, light cells of each kind and vertices of each side apart. */
-static const uint64_t seed_eye = 0x8bb84b93962eacc9u, seed_vertex = 0x4b33a62ed433d4a3u;
+/* Seeds keep eye cells and light cells of each kind apart. */
+static const uint64_t seed_eye = 0x8bb84b93962eacc9u;
 static const uint64_t seed_line = 0x1d8e4e27c47d124fu;
 static const uint64_t seed_kind[4] = {0x2d358dccaa6c78a5u, 0x4d5a2da51de1aa47u, 0xc2b2ae3d27d4eb4fu,
                                       0x165667b19e3779f9u};
@@ -53,11 +53,6 @@ void vcache_bundle_lights(const vcache *c, vcache_light *lights, size_t count)
     }
 }
 
-size_t vcache_vertex_size(void)
-{
-    return sizeof(vcache_vertex);
-}
-
 /* The 7 words of Sect. 3.3 packed into four: orientation and resolution step share one. */
 static void pack_cell(cell q, uint32_t orientation, int step, uint32_t words[4])
 {
@@ -76,9 +71,9 @@ static uint64_t hash_four(const uint32_t w[4], uint64_t seed)
 static uint64_t hash_eye_cell(const vcache *c, cell q, uint32_t orientation, int step, uint64_t salt)
 {
     uint32_t words[4];
-    pack_cell(q, orientation, step, words);
     if (c->config.hash == VCACHE_HASH_SPLIT)
-        return hash_four(words, seed_eye ^ salt);
+        return cell_hash(q, orientation, step, seed_eye ^ salt);
+    pack_cell(q, orientation, step, words);
     return hash_recurrence(c->config.hash, salt, words, 4);
 }
 
@@ -104,12 +99,13 @@ void vcache_prepare_eye(const vcache *c, const vcache_surface *surface, float ce
         if (step == last_step)
             continue; /* the cells of the level before: coarsest or finest ones, or a large C_R */
         last_step = step;
+        bool refined = d + 1 < levels; /* nobody asks the last level's neighbours */
         cell_size size = quantize_size(c, step);
-        cell around[4], q = quantize_cell(c, &p, size, around);
+        cell around[4], q = quantize_cell(c, &p, size, refined ? around : NULL);
         eye_level *l = &out->level[out->levels++];
         l->center = hash_eye_cell(c, q, p.orientation, step, salt);
         for (int i = 0; i < 4; i++)
-            l->neighbour[i] = hash_eye_cell(c, around[i], p.orientation, step, salt);
+            l->neighbour[i] = refined ? hash_eye_cell(c, around[i], p.orientation, step, salt) : l->center;
         if (out->levels == 1)
             out->side_squared = size.side * size.side;
     }
@@ -222,78 +218,6 @@ void vcache_prepare_solid_angle(const vcache *c, const float direction[3], float
     uint32_t i = (uint32_t)(s * r), j = (uint32_t)(t * r), last = c->resolution[step] - 1;
     uint32_t words[3] = {i < last ? i : last, j < last ? j : last, (uint32_t)step};
     light_finish(c, out, words, 3);
-}
-
-/* ------------------------------------------------------------------------- vertices of bidirectional paths, Eq. 6 */
-
-/* R^4 = (D^2 P_e N_P / C_E^2) (D^2 P_l): each side brings its factor, as a whole number of steps of C_R^(1/4). */
-static int32_t quarter_steps(const vcache *c, double factor)
-{
-    if (!(factor > 0.0))
-        return INT32_MIN;
-    factor = factor < 0x1p900 ? factor : 0x1p900; /* infinity: the smallest cells */
-    bool below = factor < 1.0;
-    double f = below ? 1.0 / factor : factor;
-    int top = 2 * c->steps - 1, steps = 0;
-    for (; f >= c->power[top]; steps += top)
-        f /= c->power[top];
-    int low = 0, high = top; /* power[low] <= f < power[high] */
-    while (high - low > 1) {
-        int mid = (low + high) / 2;
-        if (c->power[mid] <= f)
-            low = mid;
-        else
-            high = mid;
-    }
-    steps += f * f >= c->power[low] * c->power[high] ? high : low;
-    return below ? -steps : steps;
-}
-
-static void prepare_vertex(const vcache *c, const vcache_surface *surface, double share, uint32_t side, uint64_t salt,
-                           vcache_vertex *out)
-{
-    memcpy(out->position, surface->position, sizeof out->position); /* hashes are set when they are remembered */
-    out->user = surface->user;
-    out->side = side;
-    out->salt = salt ? hash_words(salt, 0, seed_vertex) : 0;
-    out->quarter_steps = INT32_MIN;
-    if (quantize_point(c, surface->position, surface->normal, &out->point))
-        out->quarter_steps = quarter_steps(c, c->diameter * c->diameter * (double)surface->density * share);
-    for (int i = 0; i < VERTEX_MEMO; i++)
-        out->memo_step[i] = -1;
-}
-
-void vcache_prepare_eye_vertex(const vcache *c, const vcache_surface *surface, float ce, float paths, uint64_t salt,
-                               vcache_vertex *out)
-{
-    bool good = ce > 0.0f && isfinite(ce) && paths > 0.0f && isfinite(paths);
-    prepare_vertex(c, surface, good ? (double)paths / ((double)ce * ce) : 0.0, 0, salt, out);
-}
-
-void vcache_prepare_light_vertex(const vcache *c, const vcache_surface *surface, vcache_vertex *out)
-{
-    prepare_vertex(c, surface, 1.0, 1, 0, out);
-}
-
-int vertex_step(const vcache *c, const vcache_vertex *eye, const vcache_vertex *light)
-{
-    if (eye->quarter_steps == INT32_MIN || light->quarter_steps == INT32_MIN)
-        return -1;
-    int quarters = eye->quarter_steps + light->quarter_steps;
-    int step = quarters < 0 ? 0 : (quarters + 2) / 4;
-    return c->canonical[step < c->step_limit ? step : c->step_limit];
-}
-
-uint64_t vertex_hash(const vcache *c, vcache_vertex *v, int step)
-{
-    int slot = step % VERTEX_MEMO;
-    if (v->memo_step[slot] != step) {
-        uint32_t words[4];
-        pack_cell(quantize_cell(c, &v->point, quantize_size(c, step), NULL), v->point.orientation, step, words);
-        v->memo_step[slot] = step;
-        v->memo_hash[slot] = hash_four(words, seed_vertex ^ v->salt ^ v->side);
-    }
-    return v->memo_hash[slot];
 }
 
 /* ------------------------------------------------------------------------------------------------------ densities */

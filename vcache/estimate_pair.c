@@ -57,12 +57,13 @@ vcache_estimate vcache_estimate_pair(vcache_worker *w, const vcache_eye *eye, co
     return estimate(w, key, contribution);
 }
 
-vcache_estimate vcache_estimate_vertices(vcache_worker *w, vcache_vertex *eye, vcache_vertex *light, float contribution)
+vcache_estimate vcache_estimate_vertices(vcache_worker *w, const vcache_vertex *eye, const vcache_vertex *light,
+                                         float contribution)
 {
     uint64_t key = 0;
     int at = vertex_step(w->cache, eye, light);
     if (at >= 0 && !w->config.exact)
-        key = hash_fold(vertex_hash(w->cache, eye, at) ^ salted_epoch(w), vertex_hash(w->cache, light, at));
+        key = vertex_key(w->cache, salted_epoch(w), eye, light, at);
     return estimate(w, key, contribution);
 }
 

@@ -29,6 +29,7 @@ struct vcache {
     int steps;                             /* filled entries below */
     uint32_t resolution[VCACHE_MAX_STEPS]; /* R of step k: floor(C_R^k), Eq. 8 */
     uint16_t canonical[VCACHE_MAX_STEPS];  /* first step with the same R */
+    float side_squared[VCACHE_MAX_STEPS];  /* of a cell, scene units */
     double power[2 * VCACHE_MAX_STEPS];    /* C_R^i */
     uint16_t first_step[66];               /* first step whose upper bound exceeds 2^i */
 };
@@ -59,6 +60,9 @@ vcache_status
 vcache_complain(char *message, vcache_status status, const char *format, ...);
 
 /* quantize.c */
+/* The k <= limit with C_R^(2k - 1) <= squared < C_R^(2k + 1), in [1, 2^64). */
+int quantize_power(const vcache *c, double squared, int limit);
+/* The step k with C_R^(k - 1/2) <= R < C_R^(k + 1/2) (Eq. 8), 0 ... limit. */
 int quantize_step(const vcache *c, double squared_resolution, int limit);
 cell_size quantize_size(const vcache *c, int step);
 bool quantize_point(const vcache *c, const float position[3], const float normal[3], grid_point *out);
@@ -101,17 +105,11 @@ struct vcache_eye {
     eye_level level[]; /* vcache_levels(cache, ce) of them */
 };
 
-#define VERTEX_MEMO 16
-
 struct vcache_vertex {
     float position[3];
-    uint32_t side; /* 0 eye, 1 light */
-    uint64_t user, salt;
-    grid_point point;
     int32_t quarter_steps; /* this end's share of 4 log_CR R; INT32_MIN: cannot be quantized */
-    uint32_t words;
-    int32_t memo_step[VERTEX_MEMO]; /* -1: empty */
-    uint64_t memo_hash[VERTEX_MEMO];
+    uint64_t user, seed;   /* seed: of its hashes */
+    grid_point point;
 };
 
 _Static_assert(sizeof(struct vcache_eye) + VCACHE_MAX_LEVELS * sizeof(eye_level) <= VCACHE_EYE_BYTES, "eye end");
@@ -121,10 +119,12 @@ _Static_assert(sizeof(struct vcache_vertex) <= VCACHE_VERTEX_BYTES, "vertex");
 int vcache_levels(const vcache *c, float ce);
 /* Hashes of the cells around an eye end at C_E, 4 C_E and 16 C_E; false where it cannot be quantized. */
 bool eye_cells(const vcache *c, const vcache_surface *surface, float ce, uint64_t salt, uint64_t cells[VCACHE_CELLS]);
-/* Hash of a vertex at a resolution step, remembered. */
-uint64_t vertex_hash(const vcache *c, vcache_vertex *v, int step);
+/* vertices.c */
 /* Step at which a pair of vertices meets (Eq. 6); -1: one of them cannot be quantized. */
 int vertex_step(const vcache *c, const vcache_vertex *eye, const vcache_vertex *light);
+/* Key of the pair at that step. */
+uint64_t vertex_key(const vcache *c, uint64_t epoch_key, const vcache_vertex *eye, const vcache_vertex *light,
+                    int step);
 
 /* Key of a pair from an eye half and a light end. */
 static inline uint64_t pair_key(vcache_hash family, uint64_t epoch_key, uint64_t half, const vcache_light *light)

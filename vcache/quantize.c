@@ -3,7 +3,7 @@
  * Quantization of positions and directions (Sect. 3.3 to 3.5). Keys must be the same with every compiler and machine:
  * double arithmetic of +, -, *, / and sqrt alone (IEEE 754 rounds these correctly), no contraction, no libm.
  */
-#include "internal.h"
+#include "cells.h"
 
 #include <math.h>
 #include <string.h>
@@ -11,10 +11,6 @@
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #endif
-
-/* Grids are shifted by parts of a cell that no round number meets: walls lie at round coordinates and on the bounds,
- * and noise in their last bits must not throw them from one cell or layer into the next. */
-static const double shift_cell = 0.4142135623730951, shift_layer = 0.3819660112501051;
 
 /* Steeper planes split into layers; they come with C_N <= 2 alone. */
 static const double slope_limit = 2.0;
@@ -28,19 +24,24 @@ bool finite3(const float p[3])
     return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]);
 }
 
-/* The step k with C_R^(k - 1/2) <= R < C_R^(k + 1/2) (Eq. 8), 0 ... limit, from R^2. */
+int quantize_power(const vcache *c, double squared, int limit)
+{
+    uint64_t bits;
+    memcpy(&bits, &squared, sizeof bits);
+    int step = c->first_step[(bits >> 52) - 1023];
+    while (step < limit && squared >= c->power[2 * step + 1])
+        step++;
+    return step < limit ? step : limit;
+}
+
+/* Eq. 8 from R^2. */
 int quantize_step(const vcache *c, double squared_resolution, int limit)
 {
     if (!(squared_resolution > 1.0))
         return 0;
     if (squared_resolution >= 0x1p64)
         return c->canonical[limit];
-    uint64_t bits;
-    memcpy(&bits, &squared_resolution, sizeof bits);
-    int step = c->first_step[(bits >> 52) - 1023];
-    while (step < limit && squared_resolution >= c->power[2 * step + 1])
-        step++;
-    return c->canonical[step < limit ? step : limit];
+    return c->canonical[quantize_power(c, squared_resolution, limit)];
 }
 
 cell_size quantize_size(const vcache *c, int step)
@@ -64,9 +65,9 @@ static uint32_t quantize_normal(int bins, const double n[3], double axis[3])
         packed = packed << 7 | (uint32_t)bin;
         axis[i] = bin - s;
     }
-    double length = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    double inverse = 1.0 / sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
     for (int i = 0; i < 3; i++)
-        axis[i] /= length;
+        axis[i] *= inverse;
     return packed;
 }
 
@@ -78,8 +79,9 @@ bool quantize_point(const vcache *c, const float position[3], const float normal
     double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     if (!(length > 0.0))
         return false;
+    double inverse = 1.0 / length;
     for (int i = 0; i < 3; i++)
-        n[i] /= length;
+        n[i] *= inverse;
     double p[3];
     for (int i = 0; i < 3; i++) {
         p[i] = (position[i] - c->center[i]) * c->inverse_diameter;
@@ -101,34 +103,21 @@ bool quantize_point(const vcache *c, const float position[3], const float normal
     double nz = n[0] * z[0] + n[1] * z[1] + n[2] * z[2];
     if (fabs(nz) < 1e-3)
         nz = nz < 0.0 ? -1e-3 : 1e-3;
-    double su = nx / nz, sv = ny / nz;
+    double inverse_nz = 1.0 / nz, su = nx * inverse_nz, sv = ny * inverse_nz;
     out->slope_u = su > slope_limit ? slope_limit : su < -slope_limit ? -slope_limit : su;
     out->slope_v = sv > slope_limit ? slope_limit : sv < -slope_limit ? -slope_limit : sv;
     return true;
 }
 
-/* floor; `reach` and the finest resolution keep x far inside 32 bits. */
-static int32_t floor_int(double x)
-{
-    int32_t i = (int32_t)x;
-    return i - (x < i);
-}
-
-/* The layer is where the point's tangent plane meets the middle of its column of cells, not the point's own height:
- * so a flat wall is one layer in each column however it is tilted within its orientation's bin. */
 cell quantize_cell(const vcache *c, const grid_point *p, cell_size size, cell neighbours[4])
 {
-    double u = p->u * size.resolution + shift_cell, v = p->v * size.resolution + shift_cell;
-    cell q = {floor_int(u), floor_int(v), 0};
-    double layers = c->config.layers;
-    double du = u - q.i - 0.5, dv = v - q.j - 0.5;
-    double height = p->w * size.resolution + p->slope_u * du + p->slope_v * dv;
-    q.layer = floor_int(height * layers + shift_layer);
+    double height, layers = c->config.layers;
+    cell q = cell_at(c, p, size.resolution, &height);
     if (neighbours) {
-        neighbours[0] = (cell){q.i + 1, q.j, floor_int((height - p->slope_u) * layers + shift_layer)};
-        neighbours[1] = (cell){q.i, q.j + 1, floor_int((height - p->slope_v) * layers + shift_layer)};
-        neighbours[2] = (cell){q.i - 1, q.j, floor_int((height + p->slope_u) * layers + shift_layer)};
-        neighbours[3] = (cell){q.i, q.j - 1, floor_int((height + p->slope_v) * layers + shift_layer)};
+        neighbours[0] = (cell){q.i + 1, q.j, floor_int((height - p->slope_u) * layers + SHIFT_LAYER)};
+        neighbours[1] = (cell){q.i, q.j + 1, floor_int((height - p->slope_v) * layers + SHIFT_LAYER)};
+        neighbours[2] = (cell){q.i - 1, q.j, floor_int((height + p->slope_u) * layers + SHIFT_LAYER)};
+        neighbours[3] = (cell){q.i, q.j - 1, floor_int((height + p->slope_v) * layers + SHIFT_LAYER)};
     }
     return q;
 }

@@ -1,12 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Queries of the table of words: Algorithm 2 for one pair, for many lights at a time, and for vertices (Eq. 6). */
+/* Queries of the table of words: Algorithm 2 for one pair and for many lights at a time. */
 #include "worker.h"
-
-static float distance_squared(const float a[3], const float b[3])
-{
-    float x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-    return x * x + y * y + z * z;
-}
 
 /* True where the cells say too little about this pair: ends nearer to each other than a cell (contacts and corners
  * would leak), ends that cannot be quantized. */
@@ -31,13 +25,6 @@ static inline place find_place(const vcache *c, vcache_hash family, uint64_t epo
     return p;
 }
 
-/* 0: known and blocked, 1: known and visible, more: unknown. So an answer that contradicts `state` is state ^ 1, and no
- * branch on what the table holds is needed to find one: half full tables would mispredict it. */
-static inline uint32_t look_up(const table *t, uint64_t slot, uint32_t word)
-{
-    return table_load_relaxed(t, slot) ^ word;
-}
-
 /* Algorithm 2 from `level` on: down while one of the known neighbours differs. */
 static inline step walk(const vcache *c, vcache_hash family, uint64_t epoch_key, const vcache_eye *eye,
                         const vcache_light *light, uint32_t level)
@@ -46,14 +33,14 @@ static inline step walk(const vcache *c, vcache_hash family, uint64_t epoch_key,
     for (;; s.level++) {
         const eye_level *l = &eye->level[s.level];
         s.at = find_place(c, family, epoch_key, l->center, light);
-        uint32_t state = look_up(&c->table, s.at.slot, table_word(s.at.key)), differs = 0;
+        uint32_t state = table_look_up(&c->table, s.at.slot, table_word(s.at.key)), differs = 0;
         s.known = state <= 1;
         s.visible = state & 1u;
         if (!s.known || s.level + 1 == eye->levels)
             return s;
         for (int i = 0; i < 4; i++) {
             place at = find_place(c, family, epoch_key, l->neighbour[i], light);
-            differs |= look_up(&c->table, at.slot, table_word(at.key)) == (state ^ 1u);
+            differs |= table_look_up(&c->table, at.slot, table_word(at.key)) == (state ^ 1u);
         }
         if (!differs)
             return s;
@@ -84,15 +71,6 @@ static inline spot spot_of(const vcache *c, vcache_hash family, uint64_t key)
     return (spot){(uint32_t)pair_slot(c, family, key), table_word(key)};
 }
 
-static inline void prefetch(const table *t, uint64_t slot)
-{
-#if defined(__GNUC__)
-    __builtin_prefetch((const void *)&t->words[slot]);
-#else
-    (void)t, (void)slot;
-#endif
-}
-
 /* Up to 64 lights: the walk of Algorithm 2 over all of them at a time, so that their words come from memory side by
  * side and not one after the other, and without a branch on what they hold. Nearly all pairs end in the first level;
  * the others go on one by one. `cells`: 5, or 1 where neighbours do not matter; constant in each copy of this loop. */
@@ -117,14 +95,14 @@ static inline void add_block(vcache_worker *w, vcache_hash family, int cells, ui
         if (lane == LANE_NONE) {
             for (int k = 0; k < cells; k++) {
                 at[k][i] = spot_of(c, family, pair_key(family, epoch_key, half[k], light));
-                prefetch(t, at[k][i].slot);
+                table_prefetch(t, at[k][i].slot);
             }
         } else {
             if (last_lane == LANE_NONE || line != light->key.line) {
                 line = light->key.line;
                 for (int k = 0; k < cells; k++) {
                     start[k] = pair_line(c, epoch_key, half[k], line);
-                    prefetch(t, start[k]);
+                    table_prefetch(t, start[k]);
                 }
             }
             for (int k = 0; k < cells; k++)
@@ -142,9 +120,9 @@ static inline void add_block(vcache_worker *w, vcache_hash family, int cells, ui
     uint64_t yes = 0, missing = 0, differs = 0, rest = asked & ~exact;
     for (uint64_t bits = rest; bits; bits &= bits - 1) {
         uint32_t i = (uint32_t)count_trailing_zeros(bits);
-        uint32_t state = look_up(t, at[0][i].slot, at[0][i].word), other = 0;
+        uint32_t state = table_look_up(t, at[0][i].slot, at[0][i].word), other = 0;
         for (int k = 1; k < cells; k++)
-            other |= look_up(t, at[k][i].slot, at[k][i].word) == (state ^ 1u);
+            other |= table_look_up(t, at[k][i].slot, at[k][i].word) == (state ^ 1u);
         yes |= (uint64_t)(state & 1u) << i;
         missing |= (uint64_t)(state > 1u) << i;
         differs |= (uint64_t)other << i;
@@ -233,60 +211,9 @@ bool vcache_visible(vcache_worker *w, const vcache_eye *eye, const vcache_light 
     return visible_family(w, VCACHE_HASH_LCG_XORSHIFT, eye, light, trace, context);
 }
 
-/* ------------------------------------------------------------------------------------------------------- vertices */
-
-/* Place of a pair of vertices; false where it must be answered exactly. Vertices hash by the split family always: their
- * cells depend on both ends, so there is no prefix for the serial families to start from. */
-static bool vertices_place(const vcache *c, uint64_t epoch_key, vcache_vertex *eye, vcache_vertex *light, place *out)
-{
-    int at = vertex_step(c, eye, light);
-    if (at < 0)
-        return false;
-    float side = quantize_size(c, at).side;
-    if (!(distance_squared(eye->position, light->position) >= side * side))
-        return false;
-    out->key = hash_fold(vertex_hash(c, eye, at) ^ epoch_key, vertex_hash(c, light, at));
-    out->slot = pair_slot(c, VCACHE_HASH_SPLIT, out->key);
-    return true;
-}
-
-void table_enter_vertices(vcache_worker *w, pair *p, uint64_t epoch_key)
-{
-    place at = {0};
-    if (w->config.exact || !vertices_place(w->cache, epoch_key, p->from.vertex, p->to.vertex, &at)) {
-        p->level = NO_LEVEL;
-        worker_add_miss(w, p, (place){0});
-        return;
-    }
-    uint32_t state = look_up(&w->cache->table, at.slot, table_word(at.key));
-    if (state <= 1) {
-        worker_count_hit(w, 0);
-        worker_answer(p->visible, p->bit, state & 1u);
-    } else {
-        worker_ask(w, p, at);
-    }
-}
-
-bool vcache_add_vertices(vcache_worker *w, vcache_vertex *eye, vcache_vertex *light, uint64_t *visible, uint32_t bit)
-{
-    if (worker_room(w) == 0)
-        return false;
-    w->statistics.asked++;
-    pair p = {.from.vertex = eye, .to.vertex = light, .visible = visible, .bit = bit, .vertices = true};
-    table_enter_vertices(w, &p, worker_epoch(w));
-    return true;
-}
-
 void vcache_prefetch(vcache_worker *w, const vcache_eye *eye, const vcache_light *light)
 {
     const vcache *c = w->cache;
     if (!w->config.exact && !bypasses(eye, light))
-        prefetch(&c->table, find_place(c, c->config.hash, worker_epoch(w), eye->level[0].center, light).slot);
-}
-
-void vcache_prefetch_vertices(vcache_worker *w, vcache_vertex *eye, vcache_vertex *light)
-{
-    place at;
-    if (!w->config.exact && vertices_place(w->cache, worker_epoch(w), eye, light, &at))
-        prefetch(&w->cache->table, at.slot);
+        table_prefetch(&c->table, find_place(c, c->config.hash, worker_epoch(w), eye->level[0].center, light).slot);
 }

@@ -51,6 +51,22 @@ static inline uint64_t table_slot(const table *t, uint64_t key)
     return (key >> 32) * t->count >> 32;
 }
 
+/* 0: known and blocked, 1: known and visible, more: unknown. So an answer that contradicts `state` is state ^ 1, and no
+ * branch on what the table holds is needed to find one: half full tables would mispredict it. */
+static inline uint32_t table_look_up(const table *t, uint64_t slot, uint32_t word)
+{
+    return table_load_relaxed(t, slot) ^ word;
+}
+
+static inline void table_prefetch(const table *t, uint64_t slot)
+{
+#if defined(__GNUC__)
+    __builtin_prefetch((const void *)&t->words[slot]);
+#else
+    (void)t, (void)slot;
+#endif
+}
+
 /* One cache line of words: 16 lights that are known in advance lie side by side for each eye cell. */
 enum { TABLE_LINE = 16 };
 

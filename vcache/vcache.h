@@ -20,7 +20,7 @@
  *
  * Units: positions in any unit of length, densities per that unit squared (or per steradian), directions unit length.
  * Threads: a vcache may be shared by any number of threads without locks; a vcache_worker belongs to one thread at a
- * time; prepared ends are read-only but for vcache_vertex. The library starts no thread, does no I/O, holds no lock.
+ * time; prepared ends are read-only. The library starts no thread, does no I/O, holds no lock.
  * Errors: creation returns a status and a message; hot calls cannot fail. An end that cannot be quantized (NaN,
  * infinity, zero normal or density, farther than 32 diameters from the scene's centre) is answered exactly: every pair
  * with it becomes a miss and is not stored.
@@ -194,10 +194,9 @@ VCACHE_API void vcache_light_set_destroy(vcache_light_set **set);
 VCACHE_API uint64_t vcache_light_set_rows(const vcache_light_set *set);
 
 /* Ends of bidirectional path tracing (Eq. 6): on both sides cells of side (C_E^2 / (P_e P_l N_P))^(1/4), where P are
- * the densities of last vertices. A vertex remembers what it hashed, so it belongs to one thread while it is queried.
- */
+ * the densities of last vertices. */
 typedef struct vcache_vertex vcache_vertex;
-#define VCACHE_VERTEX_BYTES 384
+#define VCACHE_VERTEX_BYTES 96
 VCACHE_API size_t vcache_vertex_size(void);
 /* `paths` is N_P > 0; P_e N_P / C_E^2 is the eye side's share of Eq. 6, P_l the light side's. */
 VCACHE_API void vcache_prepare_eye_vertex(const vcache *cache, const vcache_surface *surface, float ce, float paths,
@@ -259,14 +258,17 @@ VCACHE_API uint32_t vcache_add_set_refining(vcache_worker *worker, const vcache_
                                             uint32_t first, const uint64_t *asked, const uint64_t *refine,
                                             uint64_t *visible);
 
-/* The same for one pair of vertices (Eq. 6, no refinement); false where the batch is full and the pair was not taken.
- */
-VCACHE_API bool vcache_add_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light, uint64_t *visible,
-                                    uint32_t bit);
+/* The same for pairs [first, count) of vertices (Eq. 6, no refinement): bit i is of pairs[i]. The array itself is not
+ * needed any longer afterwards. */
+typedef struct vcache_vertex_pair {
+    const vcache_vertex *eye, *light;
+} vcache_vertex_pair;
+VCACHE_API uint32_t vcache_add_vertices(vcache_worker *worker, const vcache_vertex_pair *pairs, uint32_t first,
+                                        uint32_t count, uint64_t *visible);
 
-/* Hints: a pair that will be added some ten pairs later; its word comes from memory meanwhile. */
+/* A hint: the pair will be added some ten pairs later; its word comes from memory meanwhile. (vcache_add does that for
+ * the lights of one call, vcache_add_vertices for its pairs.) */
 VCACHE_API void vcache_prefetch(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light);
-VCACHE_API void vcache_prefetch_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light);
 
 /* The rays to trace now, each pair of cells once; valid until the next call with this worker, which must be
  * vcache_commit or vcache_cancel: adding pairs in between would change the list that the answers belong to. 0: all is
@@ -440,8 +442,8 @@ typedef struct vcache_estimate {
  * end that cannot be quantized, a worker of exact mode: p = 1. Cannot fail. Threads: as all calls of a worker. */
 VCACHE_API vcache_estimate vcache_estimate_pair(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light,
                                                 float contribution);
-VCACHE_API vcache_estimate vcache_estimate_vertices(vcache_worker *worker, vcache_vertex *eye, vcache_vertex *light,
-                                                    float contribution);
+VCACHE_API vcache_estimate vcache_estimate_vertices(vcache_worker *worker, const vcache_vertex *eye,
+                                                    const vcache_vertex *light, float contribution);
 
 /* What the ray of an estimate found, with any worker of the cache, any time later; to be called for each ray, once.
  * Answers with VCACHE_ONCE are not learnt. */

@@ -183,7 +183,7 @@ size_t vcache_misses(vcache_worker *w, const vcache_miss **misses)
 static void enter_again(vcache_worker *w, pair *p, uint64_t epoch_key)
 {
     if (p->vertices)
-        table_enter_vertices(w, p, epoch_key);
+        vertices_enter(w, p, epoch_key);
     else if (p->set)
         worker_finish(w, p, set_walk(p->set, epoch_key, p->from.eye, p->bit, p->level, p->coarse));
     else

@@ -12,11 +12,11 @@ enum { NO_LEVEL = 0xff };
 typedef struct pair {
     union {
         const vcache_eye *eye;
-        vcache_vertex *vertex;
+        const vcache_vertex *vertex;
     } from;
     union {
         const vcache_light *light;
-        vcache_vertex *vertex;
+        const vcache_vertex *vertex;
     } to;
     vcache_light_set *set; /* NULL: the answer lives in the table */
     uint64_t *visible;
@@ -70,6 +70,12 @@ static inline uint64_t worker_epoch(const vcache_worker *w)
     return atomic_load_explicit(&w->cache->epoch_key, memory_order_acquire);
 }
 
+static inline float distance_squared(const float a[3], const float b[3])
+{
+    float x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return x * x + y * y + z * z;
+}
+
 static inline uint32_t worker_room(const vcache_worker *w)
 {
     return w->config.capacity - w->miss_count - w->waiting_count;
@@ -103,9 +109,11 @@ bool worker_trace_one(vcache_worker *w, const vcache_eye *eye, const vcache_ligh
 
 /* query.c: Algorithm 2 from `level` on, over words of the table. */
 step table_walk(const vcache *c, uint64_t epoch_key, const vcache_eye *eye, const vcache_light *light, uint32_t level);
-void table_enter_vertices(vcache_worker *w, pair *p, uint64_t epoch_key);
 /* Writes a word; counts it. */
 void table_write(vcache_worker *w, place at, bool visible);
+
+/* vertices.c */
+void vertices_enter(vcache_worker *w, pair *p, uint64_t epoch_key);
 
 /* light_set.c: the same over the rows of a set. */
 step set_walk(const vcache_light_set *set, uint64_t epoch_key, const vcache_eye *eye, uint32_t light, uint32_t level,

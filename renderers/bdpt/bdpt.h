@@ -3,6 +3,7 @@
  * Bidirectional path tracing (Veach 1997, Chap. 10) with exact or cached visibility of the connections (Popov et al.
  * 2013, Sect. 3.4). Each pass over the image draws one eye and one light sub-path per pixel:
  *   subpaths.c    walks both, and adds emitters and sky that the eye path meets,
+ *   pilot.c       looks around before the first pass: densities of vertices, light by region,
  *   connect.c     pairs their vertices: what each connection brings, weighted against all other ways to find it,
  *   visibility.c  decides which of them see each other, by packets of rays or by the cache.
  * pass.c runs a pass on all cores and sums it into the film, render.c runs passes, in epochs that share a cache.
@@ -49,6 +50,7 @@ typedef struct settings {
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
     heuristic heuristic;
+    int partners; /* light sub-paths that each eye sub-path is connected to, 1 ... BATCH */
     float ce;
     float rays;          /* of estimates: share of the connections that is traced */
     vcache_config cache; /* C_N, C_Z, C_R, bytes; bounds are the scene's */
@@ -57,13 +59,15 @@ typedef struct settings {
     int edges, light_vertices;
 } settings;
 
+typedef struct pilot pilot; /* pilot.h */
+
 /* Everything that does not change between passes of one view. */
 typedef struct view {
     const scene *scene;
     const tracer *tracer;
     const light_sources *lights; /* NULL: none */
     camera_frame camera;
-    const density_map *eye_density, *light_density; /* of vertices; where a cache is asked */
+    const pilot *pilot; /* NULL: no roulette of connections; densities where a cache is asked */
     settings settings;
 } view;
 
@@ -93,6 +97,7 @@ typedef struct batch {
     uint32_t x[BATCH], y[BATCH]; /* pixel */
     uint64_t random[BATCH];      /* index of its random numbers */
     uint32_t pass;
+    uint32_t partners;  /* settings' or as many as there are */
     rgb found[BATCH];   /* emitters and sky that the eye path met, weighted */
     rgb seen[BATCH];    /* those that it saw directly or by mirrors and glass */
     float depth[BATCH]; /* of its first hit, 0: none */
@@ -123,7 +128,7 @@ typedef enum connection_kind {
 
 typedef struct connection {
     connection_kind kind;
-    uint32_t path;      /* in the batch */
+    uint32_t path;      /* in the batch: the light's */
     int32_t eye, light; /* vertices of the batch; light -1: y_0; CAMERA: light alone */
     rgb value;          /* where nothing is in between */
     uint32_t pixel;     /* in the image, y * width + x */
@@ -132,10 +137,14 @@ typedef struct connection {
 typedef struct connections {
     connection *items;
     size_t count, capacity;
+    rng roulette; /* of the batch */
 } connections;
 
-/* All pairs of a batch that bring something. */
-void connect_batch(const view *v, const batch *b, connections *out);
+/* All pairs of a batch that face each other. `valued`: only those that bring something, after the roulette. Else what
+ * surfaces bring is left for later, and taken to be 1; connections to the camera have their value. */
+void connect_batch(const view *v, const batch *b, bool valued, connections *out);
+/* That, of those that are left. */
+void connect_visible(const view *v, const batch *b, connections *c);
 
 /* ----------------------------------------------------------------------------------------- visibility (visibility.c)
  */

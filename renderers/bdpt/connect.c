@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What each pair of vertices brings if nothing is in between (Veach 1997, Eq. 10.8), times its weight. */
-#include "bdpt.h"
+#include "pilot.h"
 
 /* Both ends of a connection. */
 typedef struct link {
@@ -23,8 +23,6 @@ static bool brings(rgb value)
 
 static void push(connections *c, connection item)
 {
-    if (!brings(item.value))
-        return;
     if (c->count == c->capacity) {
         c->capacity = c->capacity ? 2 * c->capacity : 1024;
         c->items = xrealloc(c->items, c->capacity * sizeof *c->items);
@@ -90,32 +88,83 @@ static rgb value_of_light(const view *v, const vertex *z, const light_emission *
     /* of the direction, as seen from here */
     double direct = (double)y0->pdf_direct * l.distance2 / cosine;
     bool met = y0->kind == SOURCE_EMITTER || y0->kind == SOURCE_ENVIRONMENT;
-    double light_side = met ? mis_power(f->heuristic, a.pdf / direct) : 0.0;
+    double light_side = met ? mis_power(f->heuristic, a.pdf / (direct * f->partners)) : 0.0;
     double eye_side = mis_side(f->heuristic, z->mis, (double)pdf * a.cosine / l.distance2, a.reverse);
     return v3_scale(v3_mul(a.value, radiance), (float)(weight(f, eye_side, light_side) / direct));
 }
 
-static void connect_light(const view *v, const batch *b, uint32_t path, int32_t eye, uint32_t pixel, connections *out)
+/* Whether both ends look at each other. */
+static bool faces(const vertex *x, vec3 towards)
 {
-    const settings *f = &v->settings;
-    const vertex *z = &b->eye.vertices[eye];
-    const light_emission *y0 = &b->start[path];
-    if (z->edges < EDGES_MAX && strategy_wanted(f, z->edges + 1, 1))
-        push(out, (connection){y0->kind == SOURCE_EMITTER ? CONNECT_SURFACES : CONNECT_LIGHT, path, eye, -1,
-                               value_of_light(v, z, y0), pixel});
+    return v3_dot(x->surface.geometric_normal, towards) > 0.0f && v3_dot(x->surface.normal, towards) > 0.0f;
 }
 
-static void connect_surfaces(const view *v, const batch *b, uint32_t path, int32_t eye, uint32_t pixel,
-                             connections *out)
+static bool faces_light(const vertex *z, const light_emission *y0)
 {
+    if (y0->kind == SOURCE_DIRECTIONAL || y0->kind == SOURCE_ENVIRONMENT)
+        return faces(z, v3_neg(y0->direction));
+    vec3 d = v3_sub(y0->origin, z->origin);
+    return faces(z, d) && (y0->kind != SOURCE_EMITTER || v3_dot(y0->normal, d) < 0.0f);
+}
+
+static bool face(const vertex *z, const vertex *y)
+{
+    vec3 d = v3_sub(y->origin, z->origin);
+    return faces(z, d) && faces(y, v3_neg(d));
+}
+
+static rgb value_now(const view *v, const batch *b, const connection *c)
+{
+    const vertex *z = &b->eye.vertices[c->eye];
+    rgb all = c->light < 0 ? value_of_light(v, z, &b->start[c->path])
+                           : value_of(&v->settings, z, &b->light.vertices[c->light]);
+    return v3_scale(all, 1.0f / (float)b->partners);
+}
+
+/* Roulette: below what the pilot paths take for little, by luminance. */
+static bool survives(const view *v, connections *all, connection *c)
+{
+    if (!v->pilot)
+        return true;
     const settings *f = &v->settings;
-    const vertex *z = &b->eye.vertices[eye];
+    uint64_t x = c->pixel % f->width, y = c->pixel / f->width;
+    float least = v->pilot->least[y * PILOT_REGIONS / f->height][x * PILOT_REGIONS / f->width];
+    float value = luminance(c->value);
+    if (value >= least)
+        return true;
+    if (!(rng_float(&all->roulette) * least < value))
+        return false;
+    c->value = v3_scale(c->value, least / value);
+    return true;
+}
+
+static void push_pair(const view *v, const batch *b, bool valued, connections *out, connection c)
+{
+    c.value = valued ? value_now(v, b, &c) : v3(1, 1, 1);
+    if (brings(c.value) && (!valued || survives(v, out, &c)))
+        push(out, c);
+}
+
+static void connect_light(const view *v, const batch *b, uint32_t path, connection c, bool valued, connections *out)
+{
+    const vertex *z = &b->eye.vertices[c.eye];
+    const light_emission *y0 = &b->start[path];
+    c.kind = y0->kind == SOURCE_EMITTER ? CONNECT_SURFACES : CONNECT_LIGHT;
+    c.light = -1;
+    if (z->edges < EDGES_MAX && strategy_wanted(&v->settings, z->edges + 1, 1) && faces_light(z, y0))
+        push_pair(v, b, valued, out, c);
+}
+
+static void connect_surfaces(const view *v, const batch *b, uint32_t path, connection c, bool valued, connections *out)
+{
+    const vertex *z = &b->eye.vertices[c.eye];
+    c.kind = CONNECT_SURFACES;
     for (int i = 0; i < b->light.count[path]; i++) {
-        int32_t at = b->light.of[path][i];
-        const vertex *y = &b->light.vertices[at];
+        c.light = b->light.of[path][i];
+        const vertex *y = &b->light.vertices[c.light];
         int edges = z->edges + 1 + y->edges; /* specular vertices count as well */
-        if (edges <= EDGES_MAX && strategy_wanted(f, edges, y->edges + 1))
-            push(out, (connection){CONNECT_SURFACES, path, eye, at, value_of(f, z, y), pixel});
+        if (edges <= EDGES_MAX && strategy_wanted(&v->settings, edges, y->edges + 1) && face(z, y))
+            push_pair(v, b, valued, out, c);
     }
 }
 
@@ -134,23 +183,41 @@ static void connect_camera(const view *v, const batch *b, uint32_t path, int32_t
         return;
     double pixels = (double)f->width * f->height;
     double pdf = (double)camera_pixel_pdf(&v->camera, cosine) / l.distance2; /* per unit area facing the camera */
-    double light_side = mis_side(f->heuristic, y->mis, pdf * s.cosine / pixels, s.reverse);
+    double light_side =
+        mis_power(f->heuristic, f->partners) * mis_side(f->heuristic, y->mis, pdf * s.cosine / pixels, s.reverse);
     rgb value = v3_scale(s.value, (float)(pdf / pixels * weight(f, 0.0, light_side)));
-    uint32_t pixel = (uint32_t)y_at * f->width + (uint32_t)x_at;
-    push(out, (connection){CONNECT_CAMERA, path, 0, at, value, pixel});
+    connection c = {CONNECT_CAMERA, path, 0, at, value, (uint32_t)y_at * f->width + (uint32_t)x_at};
+    if (brings(value) && survives(v, out, &c))
+        push(out, c);
 }
 
-void connect_batch(const view *v, const batch *b, connections *out)
+void connect_batch(const view *v, const batch *b, bool valued, connections *out)
 {
     out->count = 0;
+    out->roulette = rng_make(v->settings.seed ^ 0x726f756c65747465u, b->random[0]);
     for (uint32_t p = 0; p < b->count; p++) {
         uint32_t pixel = b->y[p] * v->settings.width + b->x[p];
-        for (int i = 0; i < b->eye.count[p]; i++) {
-            if (b->lit[p])
-                connect_light(v, b, p, b->eye.of[p][i], pixel, out);
-            connect_surfaces(v, b, p, b->eye.of[p][i], pixel, out);
+        for (uint32_t k = 0; k < b->partners; k++) {
+            uint32_t partner = (p + k * b->count / b->partners) % b->count; /* from all over the batch */
+            for (int i = 0; i < b->eye.count[p]; i++) {
+                connection c = {.path = partner, .eye = b->eye.of[p][i], .pixel = pixel};
+                if (b->lit[partner])
+                    connect_light(v, b, partner, c, valued, out);
+                connect_surfaces(v, b, partner, c, valued, out);
+            }
         }
         for (int i = 0; i < b->light.count[p]; i++)
             connect_camera(v, b, p, b->light.of[p][i], out);
+    }
+}
+
+void connect_visible(const view *v, const batch *b, connections *c)
+{
+    for (size_t i = 0; i < c->count; i++) {
+        connection *x = &c->items[i];
+        if (x->kind == CONNECT_CAMERA || !(x->value.x > 0.0f))
+            continue;
+        rgb value = value_now(v, b, x);
+        x->value = brings(value) ? value : v3(0, 0, 0);
     }
 }

@@ -3,14 +3,16 @@
 
 #include "../common/scene.h"
 
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum {
     FEW = 16,       /* smaller: noise in the sizes of cells; larger: they follow the density too slowly */
+    MANY = 256,     /* below TOP: smaller cells cost more rays than they save error */
     DEPTH_MAX = 20, /* many vertices at one point */
     NONE = -1,
-    TOP = 4, /* levels that one look-up stands for */
+    TOP = 6, /* levels that one look-up stands for */
     TOP_EDGE = 1 << TOP
 };
 
@@ -24,10 +26,8 @@ struct density_map {
     node *nodes;
     uint32_t count, capacity;
     vec3 low;
-    float radius, scale; /* scale: cells of `top` per unit of length */
-    struct {
-        int32_t at, level;               /* the deepest node there, down to TOP */
-    } top[TOP_EDGE][TOP_EDGE][TOP_EDGE]; /* z, y, x */
+    float radius, scale;                     /* scale: cells of `top` per unit of length */
+    float top[TOP_EDGE][TOP_EDGE][TOP_EDGE]; /* density by z, y, x; below 0: -1 - the node that goes on there */
 };
 
 static int octant(vec3 p, vec3 center)
@@ -71,7 +71,7 @@ static int32_t build(density_map *m, vec3 *vertices, uint32_t count, float paths
     for (int k = 0; k < 8; k++) {
         uint32_t n = start[k + 1] - start[k];
         int32_t child = NONE;
-        if (n > FEW && depth < DEPTH_MAX)
+        if (n > (depth < TOP ? FEW : MANY) && depth < DEPTH_MAX)
             child = build(m, vertices + start[k], n, paths, child_center(center, 0.5f * radius, k), 0.5f * radius,
                           depth + 1);
         m->nodes[at].children[k] = child;
@@ -84,20 +84,27 @@ static void fill_top(density_map *m)
     for (int z = 0; z < TOP_EDGE; z++)
         for (int y = 0; y < TOP_EDGE; y++)
             for (int x = 0; x < TOP_EDGE; x++) {
-                int32_t at = 0, next, level = 0;
-                for (; level < TOP; level++, at = next) {
-                    int bit = TOP - 1 - level;
+                int32_t at = 0, next = 0;
+                for (int bit = TOP - 1; bit >= 0 && next != NONE; bit--) {
                     next = m->nodes[at].children[(x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2];
-                    if (next == NONE)
-                        break;
+                    at = next != NONE ? next : at;
                 }
-                m->top[z][y][x].at = at;
-                m->top[z][y][x].level = level;
+                bool leaf = next == NONE;
+                for (int k = 0; k < 8 && !leaf && m->nodes[at].children[k] == NONE; k++)
+                    leaf = k == 7;
+                m->top[z][y][x] = leaf ? m->nodes[at].density : -1.0f - (float)at;
             }
 }
 
+/* Walls lie at round parts of the bounds, and noise in their last bits must not throw their vertices from one cube into
+ * the next: so the outermost cube is shifted by parts that no round number meets, and as much larger. */
+static const vec3 shift = {0.1180340f, 0.0901699f, 0.1458980f};
+static const float enlarged = 1.1458981f;
+
 density_map *density_map_new(const vec3 *vertices, uint32_t count, uint32_t paths, vec3 center, float radius)
 {
+    center = v3_mad(center, radius, shift);
+    radius *= enlarged;
     density_map *m = xcalloc(1, sizeof *m);
     vec3 *copy = xmalloc((count + 1) * sizeof *copy);
     memcpy(copy, vertices, count * sizeof *copy);
@@ -126,9 +133,10 @@ float density_at(const density_map *m, vec3 position)
 {
     vec3 at_top = v3_scale(v3_sub(position, m->low), m->scale);
     int x = clamp(at_top.x), y = clamp(at_top.y), z = clamp(at_top.z);
-    int32_t at = m->top[z][y][x].at, level = m->top[z][y][x].level, next;
-    if (level < TOP)
-        return m->nodes[at].density;
+    float density = m->top[z][y][x];
+    if (density > 0.0f)
+        return density;
+    int32_t at = (int32_t)(-1.0f - density), next;
     float half = m->radius / TOP_EDGE;
     vec3 center = v3_add(m->low, v3_scale(v3((float)x + 0.5f, (float)y + 0.5f, (float)z + 0.5f), 2.0f * half));
     while ((next = m->nodes[at].children[octant(position, center)]) != NONE) {

@@ -24,6 +24,7 @@ static arguments defaults(void)
     s->epoch = 16;
     s->ce = 12.0f;
     s->light_vertices = -1;
+    s->partners = 4;
     s->rays = 0.25f;
     s->cache = vcache_default_config();
     return a;
@@ -60,6 +61,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .help = "C_R: ratio of successive resolutions"},
         {.name = "cache-mb", .kind = OPTION_INT, .value = &a->cache_mb, .min = 1, .max = 16384,
          .help = "most MiB of the cache, which all threads share"},
+        {.name = "partners", .kind = OPTION_INT, .value = &s->partners, .min = 1, .max = BATCH, .metavar = "M",
+         .help = "light paths that each eye path is connected to"},
         {.name = "heuristic", .kind = OPTION_CHOICE, .value = &a->heuristic, .choices = heuristic_names,
          .help = "weights of strategies"},
         {.name = "edges", .kind = OPTION_INT, .value = &s->edges, .min = 0, .max = EDGES_MAX, .metavar = "N",
@@ -139,6 +142,7 @@ static void json(const void *context, const frame *f, cJSON *out)
     cJSON_AddStringToObject(out, "heuristic", heuristic_names[s->heuristic]);
     json_add_float(out, "ce", s->ce);
     json_add_float(out, "trace", s->rays);
+    json_add_number(out, "partners", s->partners);
     json_add_number(out, "cn", s->cache.normal_bins);
     json_add_number(out, "cz", s->cache.layers);
     json_add_float(out, "cr", s->cache.resolution_step);

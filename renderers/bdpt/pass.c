@@ -2,6 +2,7 @@
 /* One pass over the image: an eye and a light sub-path per pixel, on all cores. Which thread takes which tile changes
  * nothing: what light paths bring to other tiles' pixels is kept by tile and summed in their order. */
 #include "film.h"
+#include "pilot.h"
 
 #include "../common/interrupt.h"
 #include "../common/parallel.h"
@@ -134,10 +135,14 @@ static void render_batch(passes *p, station *s, tile *t)
         keep_first_hits(p, b);
     if (p->first_hits)
         return;
-    connect_batch(p->v, b, c);
+    const pilot *ahead = p->v->pilot;
+    bool first = ahead && ahead->visibility_first && p->v->settings.visibility != VISIBILITY_ESTIMATE;
+    connect_batch(p->v, b, !first, c);
     double start = now();
     connection_visibility_resolve(s->visibility, b, c);
     s->visibility_s += now() - start;
+    if (first)
+        connect_visible(p->v, b, c);
     for (uint32_t i = 0; i < b->count; i++) {
         size_t at = (size_t)b->y[i] * p->v->settings.width + b->x[i];
         p->seen.pixels[at] = b->seen[i];

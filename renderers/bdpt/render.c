@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "pilot.h"
 #include "render.h"
 
 #include "../common/interrupt.h"
@@ -45,48 +46,6 @@ static bool make_cache(const settings *f, vcache **out, message *err)
     uint64_t enough = BYTES_PER_PATH * (uint64_t)f->width * f->height * (uint64_t)f->epoch;
     config.table_bytes = config.table_bytes < enough ? config.table_bytes : enough;
     return vcache_create(&config, out, text) == VCACHE_OK || fail(err, "%s", text);
-}
-
-enum { PILOT_BATCHES = 256 };
-
-static void collect(const side *s, vec3 *to, uint32_t *count)
-{
-    for (uint32_t i = 0; i < s->total; i++)
-        to[(*count)++] = s->vertices[i].origin;
-}
-
-/* Pilot paths all over the image, with random numbers of their own. y_0 on an emitter is a vertex as well. */
-static void count_vertices(const view *v, density_map **eye_map, density_map **light_map)
-{
-    const settings *f = &v->settings;
-    batch *b = batch_new();
-    size_t room = (size_t)PILOT_BATCHES * BATCH * (EDGES_MAX + 1);
-    vec3 *eyes = xmalloc(room * sizeof *eyes), *lights = xmalloc(room * sizeof *lights);
-    uint32_t eye_count = 0, light_count = 0;
-    rng r = rng_make(f->seed, 0x70696c6f74u);
-    tracer_thread_init();
-    for (uint32_t k = 0; k < PILOT_BATCHES && !interrupted(); k++) {
-        b->pass = k;
-        b->count = BATCH;
-        for (uint32_t i = 0; i < BATCH; i++) {
-            b->x[i] = (uint32_t)((uint64_t)rng_u32(&r) * f->width >> 32);
-            b->y[i] = (uint32_t)((uint64_t)rng_u32(&r) * f->height >> 32);
-            b->random[i] = UINT64_MAX - (uint64_t)k * BATCH - i;
-        }
-        subpaths(v, b);
-        collect(&b->eye, eyes, &eye_count);
-        collect(&b->light, lights, &light_count);
-        for (uint32_t i = 0; i < BATCH; i++)
-            if (b->lit[i] && b->start[i].kind == SOURCE_EMITTER)
-                lights[light_count++] = b->start[i].origin;
-    }
-    vec3 size = v3_sub(v->scene->bounds_max, v->scene->bounds_min);
-    vec3 center = v3_mad(v->scene->bounds_min, 0.5f, size);
-    *eye_map = density_map_new(eyes, eye_count, PILOT_BATCHES * BATCH, center, 0.5f * v3_max_component(size));
-    *light_map = density_map_new(lights, light_count, PILOT_BATCHES * BATCH, center, 0.5f * v3_max_component(size));
-    free(eyes);
-    free(lights);
-    batch_free(b);
 }
 
 static film begin(const settings *f, const film *start)
@@ -137,11 +96,8 @@ bool bdpt_render(const view *given, const film *start, const char *title, bool q
     vcache *cache;
     if (!make_cache(s, &cache, err))
         return false;
-    density_map *eye = NULL, *lit = NULL;
-    if (cache)
-        count_vertices(v, &eye, &lit);
-    v->eye_density = eye;
-    v->light_density = lit;
+    pilot *ahead = pilot_new(v, cache != NULL);
+    own.pilot = ahead;
     film f = begin(s, start);
     frame_passes *extra = xcalloc(1, sizeof *extra);
     extra->from = f.passes;
@@ -168,7 +124,6 @@ bool bdpt_render(const view *given, const film *start, const char *title, bool q
                    .complete = !interrupted(),
                    .extra = extra};
     vcache_destroy(&cache);
-    density_map_free(eye);
-    density_map_free(lit);
+    pilot_free(ahead);
     return true;
 }

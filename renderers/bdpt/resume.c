@@ -25,6 +25,7 @@ static void add_identity(const view *v, const settings *s, image_texts *t)
     vector(t, "cameraForward", f->forward);
     vector(t, "cameraUp", f->up);
     image_text(t, "cameraPixel", "%.9g", (double)f->pixel);
+    image_text(t, "partners", "%d", s->partners);
     image_text(t, "heuristic", "%s", s->heuristic == HEURISTIC_POWER ? "power" : "balance");
     image_text(t, "edges", "%d", s->edges);
     image_text(t, "strategy", "%d", s->light_vertices);

@@ -74,8 +74,8 @@ static bool scatter(const view *v, walk *w, const surface *s, bool from_light)
         if (!material_specular_sample(s, &w->random, &w->throughput, &b))
             return false;
         w->direction = b.wi;
-        if (from_light)
-            w->throughput = v3_scale(w->throughput, adjoint_correction(s, b.wi));
+        if (from_light) /* radiance of eye paths is that over eta^2, which glass does not change; flux pays for it */
+            w->throughput = v3_scale(w->throughput, adjoint_correction(s, b.wi) / (b.eta * b.eta));
         w->mis = mis_scatter_specular(h, w->mis, fabsf(v3_dot(b.wi, s->geometric_normal)));
     } else {
         float pdf, u1 = rng_float(&w->random), u2 = rng_float(&w->random), u3 = rng_float(&w->random);
@@ -104,7 +104,8 @@ static void meet(const view *v, batch *b, const walk *w, rgb radiance, float dir
         return;
     double weight = 1.0;
     if (w->edges > 1 && f->light_vertices < 0 && direct > 0.0f)
-        weight = 1.0 / (1.0 + mis_side(f->heuristic, w->mis, direct, ray / direct));
+        weight =
+            1.0 / (1.0 + mis_power(f->heuristic, f->partners) * mis_side(f->heuristic, w->mis, direct, ray / direct));
     rgb *to = b->eye.count[w->path] > 0 ? &b->found[w->path] : &b->seen[w->path];
     *to = v3_mad(*to, (float)weight, v3_mul(w->throughput, radiance));
 }
@@ -202,7 +203,7 @@ static void begin_eye(const view *v, const batch *b, uint32_t i, walk *w)
     w->direction = camera_direction(&v->camera, (float)b->x[i] + dx, (float)b->y[i] + dy, &cosine);
     w->random = rng_make(f->seed ^ 0x657965u, b->random[i]);
     float pdf = camera_pixel_pdf(&v->camera, cosine);
-    w->mis = mis_camera(f->heuristic, pixels, pdf);
+    w->mis = mis_camera(f->heuristic, pixels, pdf, f->partners);
 }
 
 static bool begin_light(const view *v, batch *b, uint32_t i, walk *w)
@@ -217,7 +218,7 @@ static bool begin_light(const view *v, batch *b, uint32_t i, walk *w)
         return false;
     bool met = e->kind == SOURCE_EMITTER || e->kind == SOURCE_ENVIRONMENT;
     *w = (walk){.path = i, .origin = e->origin, .direction = e->direction, .throughput = e->flux, .random = r};
-    w->mis = mis_light(v->settings.heuristic, e->pdf_direct, e->pdf_ray, met ? e->cosine : 0.0f);
+    w->mis = mis_light(v->settings.heuristic, e->pdf_direct, e->pdf_ray, met ? e->cosine : 0.0f, v->settings.partners);
     w->from_infinity = e->kind == SOURCE_DIRECTIONAL || e->kind == SOURCE_ENVIRONMENT;
     return true;
 }
@@ -225,6 +226,8 @@ static bool begin_light(const view *v, batch *b, uint32_t i, walk *w)
 void subpaths(const view *v, batch *b)
 {
     walk walks[BATCH];
+    uint32_t wanted = (uint32_t)v->settings.partners;
+    b->partners = wanted < b->count ? wanted : b->count;
     b->eye.total = b->light.total = 0;
     for (uint32_t i = 0; i < b->count; i++) {
         b->eye.count[i] = b->light.count[i] = 0;

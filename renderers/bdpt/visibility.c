@@ -1,43 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Which connections of a batch see each other: by packets of rays, or by the cache and packets of what it misses. */
-#include "bdpt.h"
+#include "prepared.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Ends of one kind, prepared when they are first wanted: once per vertex, however many connections it has. */
-typedef struct ends {
-    char *memory;
-    size_t stride;
-    bool ready[BATCH * (EDGES_MAX + 1)];
-} ends;
-
 struct connection_visibility {
     const view *v;
-    vcache *cache;                     /* NULL: exact */
-    vcache_worker *worker;             /* of the cache */
-    ends eye_vertices, light_vertices; /* Eq. 6 */
-    ends eyes, lights;                 /* Eq. 7, 9; lights: one a path */
+    vcache *cache;             /* NULL: exact */
+    vcache_worker *worker;     /* of the cache */
+    prepared *ends;            /* for it */
+    vcache_vertex_pair *pairs; /* of surfaces */
+    uint64_t *pairs_visible;   /* a bit each */
+    /* by prepared_sky and eye vertex: a bit for each path's light */
+    uint64_t asked[2][BATCH * EDGES_MAX], lights_visible[2][BATCH * EDGES_MAX];
     float threshold;   /* of estimates: a contribution that is traced half of the time where nothing is known */
     rng random;        /* of a batch: which connections are traced */
     uint64_t *visible; /* a word for each connection, bit 0 */
     vcache_estimate *estimates;
     float *weights;   /* of estimates */
     uint32_t *traced; /* connections */
-    size_t capacity;  /* of these four */
+    size_t capacity;  /* connections that there is room for */
     counts counts;
     ray_packet packet;
     uint32_t lanes;
     uint64_t *lane_answer[TRACER_PACKET];
 };
-
-static void ends_new(ends *e, size_t count, size_t stride)
-{
-    e->stride = stride;
-    e->memory = xcalloc(count, stride);
-}
 
 connection_visibility *connection_visibility_new(const view *v, vcache *cache)
 {
@@ -57,10 +47,7 @@ connection_visibility *connection_visibility_new(const view *v, vcache *cache)
         fprintf(stderr, "bdpt: %s\n", text);
         exit(1);
     }
-    ends_new(&o->eye_vertices, BATCH * EDGES_MAX, vcache_vertex_size());
-    ends_new(&o->light_vertices, BATCH * (EDGES_MAX + 1), vcache_vertex_size());
-    ends_new(&o->eyes, BATCH * EDGES_MAX, vcache_eye_size(cache, v->settings.ce));
-    ends_new(&o->lights, BATCH, vcache_light_size());
+    o->ends = prepared_new(v, cache);
     return o;
 }
 
@@ -69,10 +56,10 @@ void connection_visibility_free(connection_visibility *o)
     if (!o)
         return;
     vcache_worker_destroy(&o->worker);
-    ends *all[] = {&o->eye_vertices, &o->light_vertices, &o->eyes, &o->lights};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-        free(all[i]->memory);
+    prepared_free(o->ends);
     free(o->visible);
+    free(o->pairs);
+    free(o->pairs_visible);
     free(o->estimates);
     free(o->weights);
     free(o->traced);
@@ -121,103 +108,6 @@ static void push_connection(connection_visibility *o, const batch *b, const conn
         push_ray(o, b->eye.vertices[c->eye].origin, y, false, answer);
 }
 
-/* ------------------------------------------------------------------------------------------------------- ends */
-
-static void store(float out[3], vec3 p)
-{
-    out[0] = p.x, out[1] = p.y, out[2] = p.z;
-}
-
-static vcache_surface surface_end(vec3 position, vec3 normal, const density_map *density)
-{
-    vcache_surface s = {.density = density_at(density, position)};
-    store(s.position, position);
-    store(s.normal, normal);
-    return s;
-}
-
-static float paths(const settings *f)
-{
-    return (float)f->width * (float)f->height * (float)f->epoch;
-}
-
-/* What stands for Eq. 6 where the light's end is a direction (Eq. 9) or a single light (Eq. 7): sqrt(N_P) / C_E cells
- * on either side give the C_E^2 connections per pair of cells. */
-static float sides(const settings *f)
-{
-    return float_max(1.0f, sqrtf(paths(f)) / f->ce);
-}
-
-static void *slot(ends *e, uint32_t index, bool *fresh)
-{
-    *fresh = !e->ready[index];
-    e->ready[index] = true;
-    return e->memory + index * e->stride;
-}
-
-static vcache_vertex *eye_vertex(connection_visibility *o, const batch *b, const connection *c)
-{
-    bool fresh;
-    void *at = slot(&o->eye_vertices, (uint32_t)c->eye, &fresh);
-    if (fresh) {
-        const vertex *z = &b->eye.vertices[c->eye];
-        vcache_surface s = surface_end(z->origin, z->surface.geometric_normal, o->v->eye_density);
-        vcache_prepare_eye_vertex(o->cache, &s, o->v->settings.ce, paths(&o->v->settings), 0, at);
-    }
-    return at;
-}
-
-static vcache_vertex *light_vertex(connection_visibility *o, const batch *b, const connection *c)
-{
-    bool fresh;
-    uint32_t index = c->light >= 0 ? (uint32_t)c->light : BATCH * EDGES_MAX + c->path; /* y_0 behind all others */
-    void *at = slot(&o->light_vertices, index, &fresh);
-    if (fresh) {
-        const light_emission *y0 = &b->start[c->path];
-        const vertex *y = &b->light.vertices[c->light];
-        const density_map *density = o->v->light_density;
-        vcache_surface s = c->light >= 0 ? surface_end(y->origin, y->surface.geometric_normal, density)
-                                         : surface_end(y0->origin, y0->normal, density);
-        vcache_prepare_light_vertex(o->cache, &s, at);
-    }
-    return at;
-}
-
-static vcache_eye *eye_end(connection_visibility *o, const batch *b, const connection *c)
-{
-    bool fresh;
-    void *at = slot(&o->eyes, (uint32_t)c->eye, &fresh);
-    if (fresh) {
-        const settings *f = &o->v->settings;
-        const vertex *z = &b->eye.vertices[c->eye];
-        float count = paths(f);
-        if (b->start[c->path].kind == SOURCE_ENVIRONMENT)
-            count /= sides(f);
-        vcache_surface s = surface_end(z->origin, z->surface.geometric_normal, o->v->eye_density);
-        s.density *= count;
-        vcache_prepare_eye(o->cache, &s, f->ce, 0, at);
-    }
-    return at;
-}
-
-static vcache_light *light_end(connection_visibility *o, const batch *b, const connection *c)
-{
-    bool fresh;
-    void *at = slot(&o->lights, c->path, &fresh);
-    if (fresh) {
-        const light_emission *y0 = &b->start[c->path];
-        float to[3];
-        store(to, y0->kind == SOURCE_POINT ? y0->position : v3_neg(y0->direction));
-        if (y0->kind == SOURCE_POINT)
-            vcache_prepare_point(o->cache, to, 0, at);
-        else if (y0->kind == SOURCE_DIRECTIONAL)
-            vcache_prepare_direction(o->cache, to, 0, at);
-        else
-            vcache_prepare_solid_angle(o->cache, to, y0->pdf_direct * sides(&o->v->settings), 0, at);
-    }
-    return at;
-}
-
 /* -------------------------------------------------------------------------------------------------- decisions */
 
 static void reserve(connection_visibility *o, size_t count)
@@ -226,6 +116,8 @@ static void reserve(connection_visibility *o, size_t count)
         return;
     o->capacity = 2 * count;
     o->visible = xrealloc(o->visible, o->capacity * sizeof *o->visible);
+    o->pairs = xrealloc(o->pairs, o->capacity * sizeof *o->pairs);
+    o->pairs_visible = xrealloc(o->pairs_visible, (o->capacity / 64 + 1) * sizeof *o->pairs_visible);
     o->estimates = xrealloc(o->estimates, o->capacity * sizeof *o->estimates);
     o->weights = xrealloc(o->weights, o->capacity * sizeof *o->weights);
     o->traced = xrealloc(o->traced, o->capacity * sizeof *o->traced);
@@ -254,36 +146,58 @@ static bool trace_misses(void *context, const vcache_miss *misses, size_t count,
     return true;
 }
 
-/* Words of the table come from memory: so many connections before they are looked at. */
-enum { AHEAD = 16 };
-
-static void prefetch(connection_visibility *o, const batch *b, const connection *c)
+static void ask_pairs(connection_visibility *o, const batch *b, const connections *c)
 {
-    if (c->kind == CONNECT_SURFACES)
-        vcache_prefetch_vertices(o->worker, eye_vertex(o, b, c), light_vertex(o, b, c));
-    else if (c->kind == CONNECT_LIGHT)
-        vcache_prefetch(o->worker, eye_end(o, b, c), light_end(o, b, c));
+    uint32_t count = 0;
+    for (size_t i = 0; i < c->count; i++)
+        if (c->items[i].kind == CONNECT_SURFACES)
+            o->pairs[count++] = (vcache_vertex_pair){prepared_eye_vertex(o->ends, b, &c->items[i]),
+                                                     prepared_light_vertex(o->ends, b, &c->items[i])};
+    for (uint32_t next = 0; next < count;) {
+        next = vcache_add_vertices(o->worker, o->pairs, next, count, o->pairs_visible);
+        if (next < count)
+            vcache_resolve(o->worker, trace_misses, o);
+    }
 }
 
-static bool add(connection_visibility *o, const batch *b, const connection *c, uint64_t *visible)
+/* Each eye vertex with all paths' lights at a time. */
+static void ask_lights(connection_visibility *o, const batch *b, const connections *c)
 {
-    if (c->kind == CONNECT_SURFACES)
-        return vcache_add_vertices(o->worker, eye_vertex(o, b, c), light_vertex(o, b, c), visible, 0);
-    return c->kind == CONNECT_CAMERA ||
-           vcache_add(o->worker, eye_end(o, b, c), light_end(o, b, c), 0, 1, NULL, visible) == 1;
+    for (int sky = 0; sky < 2; sky++)
+        memset(o->asked[sky], 0, b->eye.total * sizeof o->asked[sky][0]);
+    for (size_t i = 0; i < c->count; i++) {
+        const connection *x = &c->items[i];
+        if (x->kind != CONNECT_LIGHT)
+            continue;
+        vcache_prefetch(o->worker, prepared_eye_end(o->ends, b, x), prepared_light_end(o->ends, b, x));
+        o->asked[prepared_sky(b, x)][x->eye] |= (uint64_t)1 << x->path;
+    }
+    const vcache_light *lights = prepared_lights(o->ends);
+    for (int sky = 0; sky < 2; sky++)
+        for (uint32_t i = 0; i < b->eye.total; i++) {
+            const vcache_eye *eye = prepared_eye(o->ends, sky, i);
+            for (uint32_t next = 0; o->asked[sky][i] && next < BATCH;) {
+                next = vcache_add(o->worker, eye, lights, next, BATCH, &o->asked[sky][i], &o->lights_visible[sky][i]);
+                if (next < BATCH)
+                    vcache_resolve(o->worker, trace_misses, o);
+            }
+        }
 }
 
 static void ask_cache(connection_visibility *o, const batch *b, const connections *c)
 {
-    memset(o->visible, 0, c->count * sizeof *o->visible);
-    for (size_t i = 0; i < c->count + AHEAD; i++) {
-        if (i < c->count)
-            prefetch(o, b, &c->items[i]);
-        if (i >= AHEAD)
-            while (!add(o, b, &c->items[i - AHEAD], &o->visible[i - AHEAD]))
-                vcache_resolve(o->worker, trace_misses, o);
-    }
+    ask_pairs(o, b, c);
+    ask_lights(o, b, c);
     vcache_resolve(o->worker, trace_misses, o);
+    for (size_t i = 0, pair = 0; i < c->count; i++) {
+        const connection *x = &c->items[i];
+        if (x->kind == CONNECT_SURFACES) {
+            o->visible[i] = o->pairs_visible[pair / 64] >> pair % 64;
+            pair++;
+        } else if (x->kind == CONNECT_LIGHT) {
+            o->visible[i] = o->lights_visible[prepared_sky(b, x)][x->eye] >> x->path;
+        }
+    }
 }
 
 /* The threshold for the next batches follows from what the last ones took: no random number of theirs depends on it. */
@@ -314,9 +228,10 @@ static void estimate(connection_visibility *o, const batch *b, connections *c)
         if (x->kind == CONNECT_CAMERA)
             continue;
         float worth = o->threshold > 0.0f ? luminance(x->value) / o->threshold : INFINITY;
-        *e = x->kind == CONNECT_SURFACES
-                 ? vcache_estimate_vertices(o->worker, eye_vertex(o, b, x), light_vertex(o, b, x), worth)
-                 : vcache_estimate_pair(o->worker, eye_end(o, b, x), light_end(o, b, x), worth);
+        *e = x->kind == CONNECT_SURFACES ? vcache_estimate_vertices(o->worker, prepared_eye_vertex(o->ends, b, x),
+                                                                    prepared_light_vertex(o->ends, b, x), worth)
+                                         : vcache_estimate_pair(o->worker, prepared_eye_end(o->ends, b, x),
+                                                                prepared_light_end(o->ends, b, x), worth);
         if (!(rng_float(&o->random) < e->probability))
             continue;
         push_connection(o, b, x, &o->visible[i]);
@@ -334,13 +249,6 @@ static void estimate(connection_visibility *o, const batch *b, connections *c)
     }
     o->counts.traced += count;
     follow_share(o, c, count);
-}
-
-static void forget_ends(connection_visibility *o)
-{
-    ends *all[] = {&o->eye_vertices, &o->light_vertices, &o->eyes, &o->lights};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-        memset(all[i]->ready, 0, sizeof all[i]->ready);
 }
 
 /* Exact connections, and those to the camera. */
@@ -363,7 +271,7 @@ void connection_visibility_resolve(connection_visibility *o, const batch *b, con
     bool estimates = o->v->settings.visibility == VISIBILITY_ESTIMATE && o->cache;
     reserve(o, c->count + 1); /* never NULL */
     if (o->cache)
-        forget_ends(o);
+        prepared_forget(o->ends);
     if (estimates)
         estimate(o, b, c);
     else if (o->cache)
