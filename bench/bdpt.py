@@ -15,6 +15,7 @@ Groups of cases (--list shows all):
 FOLDER holds NAME/NAME.glb and hdri/. Build first: meson setup build && ninja -C build.
 """
 import csv
+import functools
 import json
 import os
 import struct
@@ -52,6 +53,7 @@ def against(words, reference):
     return figures["mode_run"]["frame_s"], figures["reference"]["mode_run"]
 
 
+@functools.lru_cache
 def noise(a, scene, spp):
     """l_inf of two exact images of different seeds: what their difference is without any bias."""
     other = image(a, f"{scene}-{a.size}-{spp}spp-seed1")

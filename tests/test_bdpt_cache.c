@@ -268,8 +268,11 @@ static void time_is_up(void **state)
     stage_free(&g);
 }
 
-int main(void)
+/* Argument: the one test to run. */
+int main(int argc, char *argv[])
 {
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(densities),
         cmocka_unit_test(units_of_length),

@@ -803,8 +803,11 @@ static void unequal_batches(void **state)
     stage_free(&g);
 }
 
-int main(void)
+/* Argument: the one test to run. */
+int main(int argc, char *argv[])
 {
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noisy_walls),
         cmocka_unit_test(far_and_turned),

@@ -172,6 +172,30 @@ static void power_from_outside(void **state)
     }
 }
 
+/* Under water the flux that is left by Fresnel counts over eta^2, as radiance does there. */
+static void power_under_water(void **state)
+{
+    (void)state;
+    scene *s = scene_new("water");
+    const float albedo = 0.02f; /* what goes to and fro is less than that */
+    uint32_t water = add_material(s, MATERIAL_DIELECTRIC, 1.0f);
+    s->materials[water].ior = 1.33f;
+    add_quad(s, v3(-1, 0, -1), v3(0, 0, 2), v3(2, 0, 0), add_material(s, MATERIAL_DIFFUSE, albedo));
+    add_quad(s, v3(-1.1f, 0.2f, -1.1f), v3(0, 0, 2.2f), v3(2.2f, 0, 0), water);
+    scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL, .direction = v3(0, -1, 0), .intensity = v3(3, 3, 3)});
+    stage g = stage_new(s, camera_look(v3(0, 2, 1), v3(0, 0, 0), v3(0, 1, 0), 0.3f), 4, 4, 1);
+    g.v.settings.vpls = 256;
+    vpl_set l = vpls_new(&g.v);
+    double power = 0.0, n = 1.33, lost = (n - 1.0) / (n + 1.0);
+    for (uint32_t i = 0; i < l.count; i++)
+        power += (double)l.g[i];
+    double expected = 4.0 * (double)albedo / 3.14159265358979 * 3.0 * (1.0 - lost * lost) / (n * n);
+    print_message("under water %g, expected %g\n", power, expected);
+    assert_true(l.count == 256 && fabs(power / expected - 1.0) < 0.03);
+    vpls_free(&l);
+    stage_free(&g);
+}
+
 /* ---------------------------------------------------------------------------------------------------- resampling */
 
 /* Two rooms with a door between them: most candidates lie where the camera does not look. */
@@ -527,6 +551,7 @@ int main(void)
         cmocka_unit_test(density),
         cmocka_unit_test(sphere_by_flux),
         cmocka_unit_test(power_from_outside),
+        cmocka_unit_test(power_under_water),
         cmocka_unit_test(no_leak),
         cmocka_unit_test(resampling_keeps_energy),
         cmocka_unit_test(leak_is_a_cell),

@@ -149,6 +149,7 @@ static void light_path(const job *j, uint64_t index, candidates *out)
             if (!material_specular_sample(&s, &r, &flux, &b))
                 return;
             d = b.wi;
+            flux = v3_scale(flux, 1.0f / (b.eta * b.eta)); /* as radiance of eye paths is that over eta^2 */
         } else {
             float pdf, u1 = rng_float(&r), u2 = rng_float(&r), u3 = rng_float(&r);
             rgb weight = material_sample(&s, u1, u2, u3, &d, &pdf);
