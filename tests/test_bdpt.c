@@ -5,20 +5,6 @@
 
 /* ------------------------------------------------------------------------------------------------------ furnaces */
 
-/* A closed box of half edge 2 around the origin, seen from inside; walls reflect half of what they get and emit the
- * other half, so that everything has radiance 1. */
-static scene *furnace(void)
-{
-    scene *s = scene_new("furnace");
-    uint32_t wall = add_material(s, MATERIAL_DIFFUSE, 0.5f);
-    s->materials[wall].emission = v3(0.5f, 0.5f, 0.5f);
-    s->materials[wall].two_sided = true;
-    add_box(s, v3(-2, -2, -2), v3(2, 2, 2), 63, wall);
-    return s;
-}
-
-static const camera inside = {.eye = {0.3f, 0.2f, 1.8f}, .forward = {0, 0, -1}, .up = {0, 1, 0}, .yfov = 1.4f};
-
 static void assert_within(const tally *t, double expected, double bias, const char *what)
 {
     print_message("%s: %f +- %f, expected %f\n", what, tally_mean(t), tally_error(t), expected);
@@ -47,7 +33,7 @@ static void furnaces(void **state)
                 s->materials[m].emission = v3(cases[i].emission, cases[i].emission, cases[i].emission);
                 add_sphere(s, 16, cases[i].kind != MATERIAL_DIFFUSE, m);
             }
-            stage g = stage_new(s, inside, 16, 12);
+            stage g = stage_new(s, inside(), 16, 12);
             g.v.settings.heuristic = h ? HEURISTIC_POWER : HEURISTIC_BALANCE;
             tally t = stage_tally(&g, NULL, 600, 1);
             assert_within(&t, 1.0, 0.0, cases[i].name);

@@ -4,23 +4,7 @@
 
 static stage room(int kind)
 {
-    stage g = stage_new(room_scene(kind), room_camera(), 32, 24);
-    settings *f = &g.v.settings;
-    f->spp = 16;
-    f->seconds = INFINITY;
-    f->rays = 0.25f;
-    f->cache.table_bytes = 1 << 24;
-    return g;
-}
-
-static double l_inf(const image *a, const image *b)
-{
-    double difference = 0.0, sum = 0.0;
-    for (size_t i = 0; i < (size_t)a->width * a->height; i++) {
-        difference += fabs((double)luminance(a->pixels[i]) - (double)luminance(b->pixels[i]));
-        sum += (double)luminance(b->pixels[i]);
-    }
-    return difference / sum;
+    return cached_stage(room_scene(kind), room_camera(), 32, 24, 16);
 }
 
 static bool same_images(const image *a, const image *b)

@@ -4,28 +4,6 @@
  * difference is that of visibility alone; where means are compared over seeds, they lie within 3 standard errors. */
 #include "bdpt_support.h"
 
-/* 16 MiB of cache, a quarter of the connections traced by estimates. */
-static stage hard_stage(scene *s, camera c, uint32_t width, uint32_t height, int spp)
-{
-    stage g = stage_new(s, c, width, height);
-    settings *f = &g.v.settings;
-    f->spp = spp;
-    f->seconds = INFINITY;
-    f->rays = 0.25f;
-    f->cache.table_bytes = 1 << 24;
-    return g;
-}
-
-static double l_inf(const image *a, const image *b)
-{
-    double difference = 0.0, sum = 0.0;
-    for (size_t i = 0; i < (size_t)a->width * a->height; i++) {
-        difference += fabs((double)luminance(a->pixels[i]) - (double)luminance(b->pixels[i]));
-        sum += (double)luminance(b->pixels[i]);
-    }
-    return difference / sum;
-}
-
 /* Share of pixels that are not the same bit for bit. */
 static double different(const image *a, const image *b)
 {
@@ -151,7 +129,7 @@ static stage noisy_room(float noise, float angle)
     float m[12];
     motion(angle, v3(0, 0, 0), m);
     move_scene(s, &c, m);
-    return hard_stage(s, c, 96, 72, 8);
+    return cached_stage(s, c, 96, 72, 8);
 }
 
 /* As many connections are answered without a ray as where walls are clean, within 0.4 %: noise must not split a wall
@@ -198,7 +176,7 @@ static void far_and_turned(void **state)
             float m[12];
             motion(places[i].angle, places[i].offset, m);
             move_scene(s, &c, m);
-            stage g = hard_stage(s, c, 64, 48, 8);
+            stage g = cached_stage(s, c, 64, 48, 8);
             frame exact = picture(&g, VISIBILITY_EXACT), f = picture(&g, VISIBILITY_CACHE);
             double e = l_inf(&f.image, &exact.image);
             if (i == 0)
@@ -235,7 +213,7 @@ static stage two_rooms(int kind, bool turned)
         add_quad(s, v3(0.3f, 0.9f, -0.3f), v3(0.5f, 0, 0), v3(0, 0, 0.5f), lamp);
     else
         add_point_light(s, v3(0.3f, 0.2f, 0.1f), 2.0f);
-    return hard_stage(s, camera_look(v3(-0.3f, 0, 4.5f), v3(-0.1f, 0, 0), v3(0, 1, 0), 0.6f), 48, 24, 8);
+    return cached_stage(s, camera_look(v3(-0.3f, 0, 4.5f), v3(-0.1f, 0, 0), v3(0, 1, 0), 0.6f), 48, 24, 8);
 }
 
 /* Means over the pixels that are lit in `exact`, and over those that meet a surface and are black there. */
@@ -313,7 +291,7 @@ static void contact_shadows(void **state)
             add_quad(s, v3(-0.005f, 0.05f, -0.005f), v3(0.01f, 0, 0), v3(0, 0, 0.01f), lamp);
         else
             add_point_light(s, v3(0, 0.05f, 0), 1.0f);
-        stage g = hard_stage(s, camera_look(v3(0, 3, 0), v3(0, 0, 0), v3(0, 0, -1), 0.64350111f), SIZE, SIZE, 4);
+        stage g = cached_stage(s, camera_look(v3(0, 3, 0), v3(0, 0, 0), v3(0, 0, -1), 0.64350111f), SIZE, SIZE, 4);
         settings *o = &g.v.settings;
         o->edges = 2;
         /* P_e is 1 / 4 a unit of area, P_l of the lamp 1e4, N_P 16384: cells of half a unit */
@@ -345,7 +323,7 @@ static void largest_and_smallest_cells(void **state)
     (void)state;
     for (int kind = ROOM_LAMP; kind <= ROOM_SPOT; kind++)
         for (int threads = 1; threads <= 3; threads += 2) {
-            stage g = hard_stage(room_scene(kind), room_camera(), 48, 36, 4);
+            stage g = cached_stage(room_scene(kind), room_camera(), 48, 36, 4);
             g.v.settings.threads = threads;
             frame exact = picture(&g, VISIBILITY_EXACT);
             g.v.settings.ce = 10000.0f;
@@ -381,7 +359,7 @@ static void extreme_options(void **state)
                  {10000, 16, 1, 1, 1 << 20, 1 << 24}};
     const int kinds[] = {ROOM_LAMP, ROOM_POINT, ROOM_SKY};
     for (int k = 0; k < 3; k++) {
-        stage g = hard_stage(room_scene(kinds[k]), room_camera(), 48, 36, 2);
+        stage g = cached_stage(room_scene(kinds[k]), room_camera(), 48, 36, 2);
         settings *f = &g.v.settings;
         f->threads = 3;
         frame exact = picture(&g, VISIBILITY_EXACT);
@@ -424,7 +402,7 @@ static stage on_a_triangle(bool needles, float half, int kind)
         corners[3 * i + 2] = v3(b * half, -0.95f, half);
     }
     add_triangles(s, corners, count, grey);
-    return hard_stage(s, room_camera(), 48, 36, 8);
+    return cached_stage(s, room_camera(), 48, 36, 8);
 }
 
 /* The floor of one triangle, of needles and of one triangle 1e4 times as large as the room give the same picture: means
@@ -471,7 +449,7 @@ static void useless_normals(void **state)
     for (int i = 0; i < 5; i++) {
         scene *s = room_scene(ROOM_POINT);
         add_with_normals(s, square, 2, normals[i], add_material(s, MATERIAL_GLOSSY, 0.6f));
-        stage g = hard_stage(s, room_camera(), 32, 24, 2);
+        stage g = cached_stage(s, room_camera(), 32, 24, 2);
         frame f = picture(&g, VISIBILITY_CACHE);
         if (i == 0) {
             flat = f;
@@ -520,7 +498,7 @@ static void degenerate_triangles(void **state)
             add_with_normals(s, square, 2, normals[i], i % 2 ? gloss : grey);
         }
         add_quad(s, v3(-2e5f, -1.5f, -2e5f), v3(0, 0, 4e5f), v3(4e5f, 0, 0), grey);
-        stage g = hard_stage(s, room_camera(), 32, 24, 2);
+        stage g = cached_stage(s, room_camera(), 32, 24, 2);
         g.v.settings.threads = 3;
         for (int partners = 1; partners <= 4; partners *= 4)
             for (int h = 0; h < 2; h++) {
@@ -542,19 +520,6 @@ static void degenerate_triangles(void **state)
 }
 
 /* ------------------------------------------------------------------------------------------------ specular chains */
-
-/* Walls around the origin that emit half and reflect half: everything has radiance 1. */
-static scene *furnace(void)
-{
-    scene *s = scene_new("furnace");
-    uint32_t wall = add_material(s, MATERIAL_DIFFUSE, 0.5f);
-    s->materials[wall].emission = v3(0.5f, 0.5f, 0.5f);
-    s->materials[wall].two_sided = true;
-    add_box(s, v3(-2, -2, -2), v3(2, 2, 2), 63, wall);
-    return s;
-}
-
-static const camera inside = {.eye = {0.3f, 0.2f, 1.8f}, .forward = {0, 0, -1}, .up = {0, 1, 0}, .yfov = 1.4f};
 
 /* Independent renderings. */
 static tally mode_tally(stage *g, visibility_mode mode, int seeds)
@@ -602,7 +567,7 @@ static void specular_chains(void **state)
             add_placed_sphere(s, 1.0f, v3(0, 0, 0), glass);
             add_placed_sphere(s, 0.5f, v3(0.1f, 0, 0), i == 1 ? heavy : i == 2 ? mirror : white);
         }
-        stage g = hard_stage(s, inside, 32, 24, 4);
+        stage g = cached_stage(s, inside(), 32, 24, 4);
         for (int mode = VISIBILITY_EXACT; mode < VISIBILITY_MODES; mode++) {
             tally t = mode_tally(&g, (visibility_mode)mode, 10);
             assert_within(&t, 1.0, mode == VISIBILITY_CACHE ? 0.013 : 0.003, names[i]);
@@ -624,7 +589,7 @@ static void emitter_in_glass(void **state)
     add_quad(s, v3(-2, -1, -2), v3(4, 0, 0), v3(0, 3, 0), grey);
     add_placed_sphere(s, 0.6f, v3(0, 0, 0), glass);
     add_placed_sphere(s, 0.3f, v3(0, 0, 0), lamp);
-    stage g = hard_stage(s, camera_look(v3(0.5f, 1.5f, 3.0f), v3(0, -0.5f, 0), v3(0, 1, 0), 0.8f), 16, 12, 1);
+    stage g = cached_stage(s, camera_look(v3(0.5f, 1.5f, 3.0f), v3(0, -0.5f, 0), v3(0, 1, 0), 0.8f), 16, 12, 1);
     tally all = mode_tally(&g, VISIBILITY_EXACT, 600);
     g.v.settings.light_vertices = 0;
     tally met = stage_tally(&g, NULL, 2000, 5000);
@@ -651,7 +616,7 @@ static void under_water(void **state)
     add_quad(s, v3(-1, -1, -1), v3(2, 0, 0), v3(0, 0.9f, 0), grey);
     add_quad(s, v3(-20, 0, -20), v3(0, 0, 40), v3(40, 0, 0), water);
     add_quad(s, v3(-1, 1.5f, -1), v3(2, 0, 0), v3(0, 0, 2), lamp);
-    stage g = hard_stage(s, camera_look(v3(0, 1.2f, 1.8f), v3(0, -0.9f, -0.9f), v3(0, 1, 0), 0.5f), 16, 12, 1);
+    stage g = cached_stage(s, camera_look(v3(0, 1.2f, 1.8f), v3(0, -0.9f, -0.9f), v3(0, 1, 0), 0.5f), 16, 12, 1);
     settings *f = &g.v.settings;
     f->edges = 5;
     tally all = stage_tally(&g, NULL, 1000, 1);
@@ -685,7 +650,7 @@ static void lights_alone(void **state)
         else
             s->environment = environment_uniform(v3(1, 1, 1));
         expected *= i == 0 ? 1.0 : i == 1 ? 0.8 : 3.14159265358979;
-        stage g = hard_stage(s, camera_look(v3(0, 3, 0), v3(0, 0, 0), v3(0, 0, -1), 0.02f), 24, 18, 4);
+        stage g = cached_stage(s, camera_look(v3(0, 3, 0), v3(0, 0, 0), v3(0, 0, -1), 0.02f), 24, 18, 4);
         for (int mode = VISIBILITY_EXACT; mode < VISIBILITY_MODES; mode++)
             for (int partners = 1; partners <= 4; partners += 3) {
                 g.v.settings.partners = partners;
@@ -715,7 +680,7 @@ static void darkness(void **state)
         } else {
             add_box(s, v3(0.1f, 0.2f, 3.0f), v3(0.7f, 0.8f, 4.0f), 63, i == 2 ? black : grey);
         }
-        stage g = hard_stage(s, room_camera(), 32, 24, 4);
+        stage g = cached_stage(s, room_camera(), 32, 24, 4);
         assert_true((g.l == NULL) == (i < 2));
         for (int mode = VISIBILITY_EXACT; mode < VISIBILITY_MODES; mode++) {
             frame f = picture(&g, (visibility_mode)mode);
@@ -743,7 +708,7 @@ static void few_partners(void **state)
         for (int k = 0; k < 3; k++) {
             scene *s = furnace();
             add_placed_sphere(s, 1.0f, v3(0, 0, 0), add_material(s, MATERIAL_DIFFUSE, 1.0f));
-            stage g = hard_stage(s, inside, (uint32_t)sizes[i][0], (uint32_t)sizes[i][1], 1);
+            stage g = cached_stage(s, inside(), (uint32_t)sizes[i][0], (uint32_t)sizes[i][1], 1);
             g.v.settings.partners = partners[k];
             tally t = {0};
             uint64_t count = 0;
@@ -783,7 +748,7 @@ static void unequal_batches(void **state)
                                .intensity = {16, 16, 16},
                                .cos_inner = 0.9f,
                                .cos_outer = 0.89f});
-    stage g = hard_stage(s, camera_look(v3(0, 3, 0), v3(0, 0, 0), v3(0, 0, -1), 0.64350111f), SIZE, SIZE, 1);
+    stage g = cached_stage(s, camera_look(v3(0, 3, 0), v3(0, 0, 0), v3(0, 0, -1), 0.64350111f), SIZE, SIZE, 1);
     double d2 = 2.0 * pow(16.0 / 17.0, 2) + 16.0; /* the light is so far from the floor there */
     double expected = 0.5 / 3.14159265358979 * 16.0 * 4.0 / pow(d2, 1.5);
     for (int partners = 1; partners <= PARTNERS; partners *= PARTNERS) {
