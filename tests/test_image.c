@@ -65,6 +65,26 @@ static void float_exr_is_exact(void **state)
     empty_folder();
 }
 
+/* Of random bytes with more and more zeros, some compress to as many bytes as there are. */
+static void incompressible_exr_is_exact(void **state)
+{
+    (void)state;
+    image a = image_new(4, 3), b;
+    size_t bytes = (size_t)a.width * a.height * sizeof(rgb);
+    rng r = rng_make(1, 0);
+    for (size_t round = 0; round < 1000; ++round) {
+        uint8_t *to = (uint8_t *)a.pixels;
+        for (size_t k = 0; k < bytes; ++k)
+            to[k] = (uint8_t)(k < round % 60 ? 0 : rng_u32(&r));
+        assert_true(save_rgb(in_folder("a.exr"), &a, (exr_options){0}));
+        assert_true(image_load(in_folder("a.exr"), &b, &err));
+        assert_memory_equal(a.pixels, b.pixels, bytes);
+        image_free(&b);
+    }
+    image_free(&a);
+    empty_folder();
+}
+
 static void half_exr_is_rounded_and_clamped(void **state)
 {
     (void)state;
@@ -341,6 +361,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(new_image_is_black),
         cmocka_unit_test(float_exr_is_exact),
+        cmocka_unit_test(incompressible_exr_is_exact),
         cmocka_unit_test(half_exr_is_rounded_and_clamped),
         cmocka_unit_test(exr_holds_layers_and_attributes),
         cmocka_unit_test(exr_variants_are_read),

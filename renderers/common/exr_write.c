@@ -142,6 +142,22 @@ static void gather(const writer *w, const exr_channel *c, uint32_t x0, uint32_t 
     }
 }
 
+/* What the library would compress with. */
+typedef struct compressor {
+    exr_result_t (*run)(exr_encode_pipeline_t *pipeline);
+} compressor;
+
+/* Readers take a chunk as long as its pixels for one that is not compressed, but the library (3.1 to 3.4) writes
+ * compressed bytes where both are of the same length. */
+static exr_result_t compress(exr_encode_pipeline_t *p)
+{
+    const compressor *library = p->encoding_user_data;
+    exr_result_t result = library->run(p);
+    if (result == EXR_ERR_SUCCESS && p->compressed_bytes == p->packed_bytes)
+        memcpy(p->compressed_buffer, p->packed_buffer, p->packed_bytes);
+    return result;
+}
+
 static bool write_chunk(writer *w, const exr_chunk_info_t *chunk, uint32_t x0, uint32_t y0)
 {
     uint32_t width = (uint32_t)chunk->width, height = (uint32_t)chunk->height;
@@ -151,6 +167,7 @@ static bool write_chunk(writer *w, const exr_chunk_info_t *chunk, uint32_t x0, u
         w->scratch = xrealloc(w->scratch, w->scratch_size * sizeof *w->scratch);
     }
     exr_encode_pipeline_t pipeline = EXR_ENCODE_PIPELINE_INITIALIZER;
+    compressor library;
     bool good = exr_encoding_initialize(w->context, 0, chunk, &pipeline) == EXR_ERR_SUCCESS;
     for (int i = 0; good && i < pipeline.channel_count; ++i) { /* in the file's order, which is sorted */
         exr_coding_channel_info_t *to = &pipeline.channels[i];
@@ -162,8 +179,11 @@ static bool write_chunk(writer *w, const exr_chunk_info_t *chunk, uint32_t x0, u
         to->user_line_stride = (int32_t)(width * sizeof(float));
         to->encode_from_ptr = (const uint8_t *)plane;
     }
-    good = good && exr_encoding_choose_default_routines(w->context, 0, &pipeline) == EXR_ERR_SUCCESS &&
-           exr_encoding_run(w->context, 0, &pipeline) == EXR_ERR_SUCCESS;
+    good = good && exr_encoding_choose_default_routines(w->context, 0, &pipeline) == EXR_ERR_SUCCESS;
+    library.run = pipeline.compress_fn;
+    pipeline.encoding_user_data = &library;
+    pipeline.compress_fn = library.run ? compress : NULL;
+    good = good && exr_encoding_run(w->context, 0, &pipeline) == EXR_ERR_SUCCESS;
     exr_encoding_destroy(w->context, &pipeline);
     return good;
 }
