@@ -11,6 +11,11 @@ static inline int count_trailing_zeros(uint64_t x) /* x != 0 */
     return __builtin_ctzll(x);
 }
 
+static inline int highest_bit(uint64_t x) /* x != 0 */
+{
+    return 63 - __builtin_clzll(x);
+}
+
 static inline uint32_t count_ones(uint64_t x)
 {
     return (uint32_t)__builtin_popcountll(x);
@@ -27,6 +32,14 @@ static inline uint32_t count_ones(uint64_t x)
 static inline int count_trailing_zeros(uint64_t x)
 {
     return (int)count_ones((x & -x) - 1);
+}
+
+static inline int highest_bit(uint64_t x)
+{
+    int bit = 0;
+    while (x >>= 1)
+        bit++;
+    return bit;
 }
 #endif
 
