@@ -195,10 +195,17 @@ void connect_batch(const view *v, const batch *b, bool valued, connections *out)
 {
     out->count = 0;
     out->roulette = rng_make(v->settings.seed ^ 0x726f756c65747465u, b->random[0]);
+    /* Whose paths a path meets, so many places on, changes with the batch: the same ones each time show as a lattice.
+     */
+    uint32_t on[BATCH];
+    for (uint32_t k = 0; k < b->partners; k++) {
+        uint32_t first = k * b->count / b->partners, end = (k + 1) * b->count / b->partners;
+        on[k] = first + rng_u32(&out->roulette) % (end - first);
+    }
     for (uint32_t p = 0; p < b->count; p++) {
         uint32_t pixel = b->y[p] * v->settings.width + b->x[p];
         for (uint32_t k = 0; k < b->partners; k++) {
-            uint32_t partner = (p + k * b->count / b->partners) % b->count; /* from all over the batch */
+            uint32_t partner = (p + on[k]) % b->count;
             for (int i = 0; i < b->eye.count[p]; i++) {
                 connection c = {.path = partner, .eye = b->eye.of[p][i], .pixel = pixel};
                 if (b->lit[partner])
