@@ -107,10 +107,10 @@ const vcache_vertex *prepared_light_vertex(prepared *o, const batch *b, const co
     void *at = slot(&o->light_vertices, index, &fresh);
     if (fresh) {
         const light_emission *y0 = &b->start[c->path];
-        const vertex *y = &b->light.vertices[c->light];
+        const vertex *y = c->light >= 0 ? &b->light.vertices[c->light] : NULL;
         const density_map *density = o->v->pilot->light_density;
-        vcache_surface s = c->light >= 0 ? surface_end(y->origin, y->surface.geometric_normal, density)
-                                         : surface_end(y0->origin, y0->normal, density);
+        vcache_surface s = y ? surface_end(y->origin, y->surface.geometric_normal, density)
+                             : surface_end(y0->origin, y0->normal, density);
         vcache_prepare_light_vertex(o->cache, &s, at);
     }
     return at;
