@@ -57,6 +57,15 @@ finish "--resume goes on to what an unbroken run has"
 clean_failure 1 "another seed" "${tiny[@]}" --visibility exact --seed 5 --spp 12 --resume part-exact.exr -o out/x.exr
 clean_failure 1 "another visibility" "${tiny[@]}" --visibility cache --spp 12 --resume part-exact.exr -o out/x.exr
 clean_failure 1 "another scene" shapes --quiet --size 32x18 --visibility exact --spp 12 --resume part-exact.exr -o out/x.exr
+for k in 1 2; do # the same room in another colour
+    mkdir -p room$k
+    printf 'newmtl a\nKd 0.%s 0.5 0.5\nKe 1 1 1\n' $k >room$k/a.mtl
+    printf 'mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n' >room$k/a.obj
+done
+room=(--quiet --size 8x8 --visibility exact --look 0.3,0.3,2,0.3,0.3,0,40)
+quiet_good room1/a.obj "${room[@]}" --spp 1 -o room.exr
+quiet_good room1/a.obj "${room[@]}" --spp 2 --resume room.exr -o room.exr
+clean_failure 1 "another surfacesAndLights" room2/a.obj "${room[@]}" --spp 3 --resume room.exr
 clean_failure 1 "another cameraEye" "${tiny[@]}" --look 0,1,2,0,0,0,40 --visibility exact --spp 12 --resume part-exact.exr
 clean_failure 1 "another heuristic" "${tiny[@]}" --heuristic balance --visibility exact --spp 12 --resume part-exact.exr
 clean_failure 1 "another ce" "${tiny[@]}" --visibility cache --epoch 4 --ce 5 --spp 12 --resume part-cache.exr

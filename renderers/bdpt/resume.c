@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "resume.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,6 +12,50 @@ static void vector(image_texts *t, const char *name, vec3 v)
     image_text(t, name, "%.9g %.9g %.9g", (double)v.x, (double)v.y, (double)v.z);
 }
 
+/* FNV-1a. */
+static uint64_t mix(uint64_t h, const void *data, size_t bytes)
+{
+    const unsigned char *p = data;
+    for (size_t i = 0; i < bytes; i++)
+        h = (h ^ p[i]) * 0x100000001b3u;
+    return h;
+}
+
+static uint64_t mix_sky(uint64_t h, const environment *sky)
+{
+    enum { DIRECTIONS = 256 };
+    for (int i = 0; i < DIRECTIONS; i++) { /* on a spiral around y */
+        float y = 1.0f - (2.0f * (float)i + 1.0f) / DIRECTIONS, r = sqrtf(1.0f - y * y), a = 2.4f * (float)i;
+        rgb seen = environment_radiance(sky, v3(r * cosf(a), y, r * sinf(a)));
+        h = mix(h, &seen, sizeof seen);
+    }
+    return h;
+}
+
+/* What counts and bounds do not tell: materials, where meshes stand, lights, the sky. Field by field: structs have
+ * holes. */
+static uint64_t fingerprint(const scene *s)
+{
+    uint64_t h = 0xcbf29ce484222325u;
+    for (uint32_t i = 0; i < s->material_count; i++) {
+        const material *m = &s->materials[i];
+        const float numbers[] = {
+            (float)m->kind,   m->color.x,    m->color.y,    m->color.z,    m->roughness,
+            m->ior,           m->emission.x, m->emission.y, m->emission.z, m->two_sided ? 1.0f : 0.0f,
+            (float)m->texture};
+        h = mix(h, numbers, sizeof numbers);
+    }
+    for (uint32_t i = 0; i < s->instance_count; i++)
+        h = mix(h, s->instances[i].to_world, sizeof s->instances[i].to_world);
+    for (uint32_t i = 0; i < s->light_count; i++) {
+        const light *l = &s->lights[i];
+        const float angles[] = {(float)l->kind, l->cos_inner, l->cos_outer};
+        const vec3 vectors[] = {l->position, l->direction, l->intensity};
+        h = mix(mix(h, angles, sizeof angles), vectors, sizeof vectors);
+    }
+    return s->environment ? mix_sky(h, s->environment) : h;
+}
+
 /* Anything that changes what a pass adds. Numbers are written so that no two floats look alike. */
 static void add_identity(const view *v, const settings *s, image_texts *t)
 {
@@ -19,8 +64,7 @@ static void add_identity(const view *v, const settings *s, image_texts *t)
     image_text(t, "triangles", "%llu", (unsigned long long)c->triangle_count);
     vector(t, "boundsMin", c->bounds_min);
     vector(t, "boundsMax", c->bounds_max);
-    image_text(t, "lights", "%u", c->light_count);
-    vector(t, "environment", c->environment ? environment_mean(c->environment) : v3(0, 0, 0));
+    image_text(t, "surfacesAndLights", "%016llx", (unsigned long long)fingerprint(c));
     vector(t, "cameraEye", f->eye);
     vector(t, "cameraForward", f->forward);
     vector(t, "cameraUp", f->up);
