@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What some paths all over the image tell before its first pass. They have random numbers of their own, so that nothing
- * that follows from them is biased, and exact ones for every mode, so that all modes draw the same paths. */
+/* What some paths all over the image tell before its first pass. Their walks have random numbers of their own, so that
+ * nothing that follows from them is biased, and exact ones for every mode, so that all modes draw the same paths. */
 #ifndef BDPT_PILOT_H
 #define BDPT_PILOT_H
 
