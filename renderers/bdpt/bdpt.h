@@ -5,7 +5,8 @@
  *   subpaths.c    walks both, and adds emitters and sky that the eye path meets,
  *   pilot.c       looks around before the first pass: densities of vertices, light by region,
  *   connect.c     pairs their vertices: what each connection brings, weighted against all other ways to find it,
- *   visibility.c  decides which of them see each other, by packets of rays or by the cache.
+ *   visibility.c  decides which of them see each other, by packets of rays or by the cache,
+ *   prepared.c    with the ends that the cache wants.
  * pass.c runs a pass on all cores and sums it into the film, render.c runs passes, in epochs that share a cache.
  *
  * A path of s light and t eye vertices has s + t - 1 edges. t = 1 connects to the camera ("light tracing"), s = 0 has

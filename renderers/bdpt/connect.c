@@ -126,9 +126,7 @@ static bool survives(const view *v, connections *all, connection *c)
 {
     if (!v->pilot)
         return true;
-    const settings *f = &v->settings;
-    uint64_t x = c->pixel % f->width, y = c->pixel / f->width;
-    float least = v->pilot->least[y * PILOT_REGIONS / f->height][x * PILOT_REGIONS / f->width];
+    float least = v->pilot->least[pilot_region(&v->settings, c->pixel)];
     float value = luminance(c->value);
     if (value >= least)
         return true;

@@ -59,12 +59,6 @@ typedef struct light_count {
     float light[REGIONS], paths[REGIONS];
 } light_count;
 
-static uint32_t region_of(const settings *f, uint32_t x, uint32_t y)
-{
-    uint32_t across = (uint32_t)((uint64_t)x * PILOT_REGIONS / f->width);
-    return (uint32_t)((uint64_t)y * PILOT_REGIONS / f->height) * PILOT_REGIONS + across;
-}
-
 /* What is seen directly is left out: connections add nothing there. */
 static void measure(const view *v, const batch *b, light_count *m)
 {
@@ -79,7 +73,7 @@ static void measure(const view *v, const batch *b, light_count *m)
         m->samples[m->count + i].value = luminance(c->items[i].value);
     connection_visibility_resolve(m->visibility, b, c);
     for (uint32_t i = 0; i < b->count; i++) {
-        uint32_t r = region_of(f, b->x[i], b->y[i]);
+        uint32_t r = pilot_region(f, b->y[i] * f->width + b->x[i]);
         m->paths[r] += 1.0f;
         m->light[r] += luminance(b->found[i]);
     }
@@ -87,7 +81,7 @@ static void measure(const view *v, const batch *b, light_count *m)
         sample *s = &m->samples[m->count];
         const connection *x = &c->items[i];
         float seen = luminance(x->value);
-        s->region = (uint16_t)region_of(f, x->pixel % f->width, x->pixel / f->width);
+        s->region = (uint16_t)pilot_region(f, x->pixel);
         s->visible = seen > 0.0f;
         m->light[s->region] += seen;
         m->count += x->kind != CONNECT_CAMERA;
@@ -98,11 +92,10 @@ static void conclude(pilot *p, const light_count *m)
 {
     double visible = 0.0, surviving = 0.0;
     for (int r = 0; r < REGIONS; r++)
-        p->least[r / PILOT_REGIONS][r % PILOT_REGIONS] =
-            m->paths[r] > 0.0f ? share_kept * m->light[r] / m->paths[r] : 0.0f;
+        p->least[r] = m->paths[r] > 0.0f ? share_kept * m->light[r] / m->paths[r] : 0.0f;
     for (size_t i = 0; i < m->count; i++) {
         const sample *s = &m->samples[i];
-        float least = p->least[s->region / PILOT_REGIONS][s->region % PILOT_REGIONS];
+        float least = p->least[s->region];
         visible += s->visible;
         surviving += s->value < least ? (double)(s->value / least) : 1.0;
     }
