@@ -126,6 +126,13 @@ static inline frame stage_frame(stage *g, visibility_mode mode, const film *star
     return f;
 }
 
+static inline void assert_within(const tally *t, double expected, double bias, const char *what)
+{
+    print_message("%s: %f +- %f, expected %f\n", what, tally_mean(t), tally_error(t), expected);
+    if (!(fabs(tally_mean(t) - expected) <= 3.0 * tally_error(t) + bias))
+        fail_msg("%s: %f +- %f, expected %f", what, tally_mean(t), tally_error(t), expected);
+}
+
 /* A closed box of half edge 2 around the origin, seen from inside; walls reflect half of what they get and emit the
  * other half, so that everything has radiance 1. */
 static inline scene *furnace(void)
@@ -141,6 +148,45 @@ static inline scene *furnace(void)
 static inline camera inside(void)
 {
     return (camera){.eye = {0.3f, 0.2f, 1.8f}, .forward = {0, 0, -1}, .up = {0, 1, 0}, .yfov = 1.4f};
+}
+
+/* Of an estimate a pixel may be below 0: what is expected but not found counts more than once. */
+static inline bool finite_image(const image *a)
+{
+    for (size_t i = 0; i < (size_t)a->width * a->height; i++)
+        if (!isfinite(a->pixels[i].x) || !isfinite(a->pixels[i].y) || !isfinite(a->pixels[i].z))
+            return false;
+    return true;
+}
+
+/* In this mode; the picture must be one. */
+static inline frame picture(stage *g, visibility_mode mode)
+{
+    frame f = stage_frame(g, mode, NULL);
+    if (!(mode == VISIBILITY_ESTIMATE ? finite_image(&f.image) : sane(&f.image)))
+        fail_msg("mode %d: a pixel is NaN, infinite or negative", (int)mode);
+    return f;
+}
+
+static inline double share(const frame *f)
+{
+    return (double)f->rays.traced / (double)f->rays.asked;
+}
+
+/* Estimates against exact connections of the same paths: mean of the difference, in units of the exact mean. */
+static inline void assert_no_bias(stage *g, int seeds, const char *what)
+{
+    tally t = {0};
+    for (int i = 0; i < seeds; i++) {
+        g->v.settings.seed = 100 + (uint64_t)i;
+        frame exact = picture(g, VISIBILITY_EXACT), other = picture(g, VISIBILITY_ESTIMATE);
+        tally_add(&t, (image_mean(&other.image) - image_mean(&exact.image)) / image_mean(&exact.image));
+        frame_free(&exact);
+        frame_free(&other);
+    }
+    print_message("%s: estimates differ by %.5f +- %.5f\n", what, tally_mean(&t), tally_error(&t));
+    if (!(fabs(tally_mean(&t)) <= 3.0 * tally_error(&t)))
+        fail_msg("%s: estimates differ by %f +- %f", what, tally_mean(&t), tally_error(&t));
 }
 
 /* A room with a smooth ball, boxes of gloss and metal, and light from one kind of source. */

@@ -2,30 +2,9 @@
 /* Adaptive shadow testing: points worked by hand, a sorted reference, the bound at certainty 1, comparisons, hit rates.
  */
 #include "adaptive_support.h"
+#include "ledger.h"
 
 /* ------------------------------------------------------------------------------------------------------- creation */
-
-typedef struct ledger {
-    size_t blocks, bytes;
-    bool fails;
-} ledger;
-
-static void *ledger_allocate(void *context, size_t bytes)
-{
-    ledger *l = context;
-    void *memory = l->fails ? NULL : aligned_alloc(64, (bytes + 63) / 64 * 64);
-    if (!memory)
-        return NULL;
-    l->blocks++, l->bytes += bytes;
-    return memset(memory, 0, bytes);
-}
-
-static void ledger_release(void *context, void *memory, size_t bytes)
-{
-    ledger *l = context;
-    l->blocks--, l->bytes -= bytes;
-    free(memory);
-}
 
 static vcache_adaptive_config changed(size_t offset, const void *value, size_t bytes)
 {

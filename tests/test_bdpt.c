@@ -5,13 +5,6 @@
 
 /* ------------------------------------------------------------------------------------------------------ furnaces */
 
-static void assert_within(const tally *t, double expected, double bias, const char *what)
-{
-    print_message("%s: %f +- %f, expected %f\n", what, tally_mean(t), tally_error(t), expected);
-    if (!(fabs(tally_mean(t) - expected) <= 3.0 * tally_error(t) + bias))
-        fail_msg("%s: %f +- %f, expected %f", what, tally_mean(t), tally_error(t), expected);
-}
-
 static void furnaces(void **state)
 {
     (void)state;
@@ -93,6 +86,45 @@ static void strategies_agree(void **state)
     }
 }
 
+/* One room with a lamp, or two with a door between them and the camera in the dark one. It does not see the lamp. */
+static stage rooms(bool wall)
+{
+    scene *s = scene_new("rooms");
+    uint32_t grey = add_material(s, MATERIAL_DIFFUSE, 0.6f), lamp = add_material(s, MATERIAL_DIFFUSE, 0.0f);
+    s->materials[lamp].emission = v3(5, 5, 5);
+    add_box(s, v3(-2, -1, -2), v3(2, 1, 2), 63, grey);
+    if (wall)
+        add_box(s, v3(-2, -1, -0.05f), v3(1, 1, 0.05f), 63, grey);
+    add_quad(s, v3(-1, 0.99f, -1.5f), v3(0.8f, 0, 0), v3(0, 0, 0.8f), lamp);
+    return stage_new(s, camera_look(v3(-1.5f, 0, 1.8f), v3(-0.5f, -1, 1), v3(0, 1, 0), 1.2f), 128, 128);
+}
+
+/* What pilot paths say against a rendering: a tenth of the light that connections and chance bring, in all regions
+ * together; occlusion goes first where a wall hides most, and the roulette where nothing is hidden. */
+static void pilots(void **state)
+{
+    (void)state;
+    for (int wall = 0; wall < 2; wall++) {
+        stage g = rooms(wall);
+        settings *f = &g.v.settings;
+        f->partners = 4;
+        tally rendered = stage_tally(&g, NULL, 12, 5000), least = {0};
+        for (f->seed = 1; f->seed <= 24; f->seed++) {
+            pilot *p = pilot_new(&g.v, false);
+            double sum = 0.0;
+            for (int r = 0; r < PILOT_REGIONS * PILOT_REGIONS; r++)
+                sum += (double)p->least[r] / (PILOT_REGIONS * PILOT_REGIONS);
+            tally_add(&least, 10.0 * sum);
+            assert_true(p->visibility_first == wall);
+            assert_null(p->eye_density);
+            pilot_free(p);
+        }
+        assert_same_mean(&least, &rendered, wall ? "light behind a wall" : "light");
+        assert_true(tally_error(&least) < 0.1 * tally_mean(&least));
+        stage_free(&g);
+    }
+}
+
 /* Visibility before or after what a connection brings: the same image bit for bit. Roulette of little connections
  * leaves fewer, and the mean as it is. */
 static void arrangements(void **state)
@@ -110,7 +142,7 @@ static void arrangements(void **state)
         double seconds;
         tally t[2];
         for (int i = 0; i < PILOT_REGIONS * PILOT_REGIONS; i++)
-            roulette.least[i / PILOT_REGIONS][i % PILOT_REGIONS] = 0.05f;
+            roulette.least[i] = 0.05f;
         for (int i = 0; i < 4; i++) {
             film one = film_new(f->width, f->height);
             g.v.pilot = pilots[i];
@@ -235,9 +267,13 @@ static void textured_emitters(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(furnaces),          cmocka_unit_test(glossy_furnace),
-        cmocka_unit_test(strategies_agree),  cmocka_unit_test(arrangements),
-        cmocka_unit_test(caustics),          cmocka_unit_test(small_light_behind_glass),
+        cmocka_unit_test(furnaces),
+        cmocka_unit_test(glossy_furnace),
+        cmocka_unit_test(strategies_agree),
+        cmocka_unit_test(arrangements),
+        cmocka_unit_test(pilots),
+        cmocka_unit_test(caustics),
+        cmocka_unit_test(small_light_behind_glass),
         cmocka_unit_test(textured_emitters),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,45 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Estimates: arguments, what cells learn and forget, what is expected of each light, how many rays a sample gets. */
 #include "estimate_support.h"
+#include "ledger.h"
 
 /* ------------------------------------------------------------------------------------------------------ arguments */
-
-typedef struct purse {
-    size_t blocks, bytes;
-    bool empty;
-} purse;
-
-static void *purse_allocate(void *context, size_t bytes)
-{
-    purse *p = context;
-    size_t whole = (bytes + 63) / 64 * 64;
-    void *memory = p->empty ? NULL : aligned_alloc(64, whole);
-    if (!memory)
-        return NULL;
-    p->blocks++, p->bytes += bytes;
-    return memset(memory, 0, whole);
-}
-
-static void purse_release(void *context, void *memory, size_t bytes)
-{
-    purse *p = context;
-    p->blocks--, p->bytes -= bytes;
-    free(memory);
-}
 
 static void arguments(void **state)
 {
     (void)state;
-    purse money = {0};
+    ledger money = {0};
     vcache_config config = vcache_default_config();
-    config.allocator = (vcache_allocator){purse_allocate, purse_release, &money};
+    config.allocator = (vcache_allocator){ledger_allocate, ledger_release, &money};
     vcache *c = make_cache(&config);
     vcache_light light[65];
     for (int i = 0; i < 65; i++)
         vcache_prepare_direction(c, (float[3]){1.0f, (float)i, 1.0f}, 0, &light[i]);
     vcache_light_set *set = make_set(c, light, 65, 1);
     assert_int_equal(vcache_light_set_padded(set), 128);
-    const purse before = money;
+    const ledger before = money;
 
     char message[VCACHE_MESSAGE_BYTES] = "old";
     vcache_predictor *p = (vcache_predictor *)(void *)light;
@@ -50,13 +28,13 @@ static void arguments(void **state)
     assert_non_null(strstr(message, "out is NULL"));
     assert_int_equal(vcache_predictor_create(NULL, VCACHE_DRAW_UNCERTAIN, &p, NULL), VCACHE_ERROR_ARGUMENT);
     assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, NULL, NULL), VCACHE_ERROR_ARGUMENT);
-    money.empty = true;
+    money.fails = true;
     p = (vcache_predictor *)(void *)light;
     assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, &p, message), VCACHE_ERROR_MEMORY);
     assert_null(p);
     assert_non_null(strstr(message, "memory"));
     assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, &p, NULL), VCACHE_ERROR_MEMORY);
-    money.empty = false;
+    money.fails = false;
     assert_true(money.blocks == before.blocks && money.bytes == before.bytes);
 
     assert_int_equal(vcache_predictor_create(set, VCACHE_DRAW_UNCERTAIN, &p, message), VCACHE_OK);

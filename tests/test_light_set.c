@@ -1,32 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Light sets: creation and sizes, and Algorithm 2 in rows against a dictionary. */
+#include "ledger.h"
 #include "patchwork.h"
 
 /* ------------------------------------------------------------------------------------------------------- creation */
-
-/* Counts what is out, and sees whether sizes come back as they went. */
-typedef struct ledger {
-    size_t blocks, bytes;
-    bool fails;
-} ledger;
-
-static void *ledger_allocate(void *context, size_t bytes)
-{
-    ledger *l = context;
-    size_t whole = (bytes + 63) / 64 * 64;
-    void *memory = l->fails ? NULL : aligned_alloc(64, whole);
-    if (!memory)
-        return NULL;
-    l->blocks++, l->bytes += bytes;
-    return memset(memory, 0, whole);
-}
-
-static void ledger_release(void *context, void *memory, size_t bytes)
-{
-    ledger *l = context;
-    l->blocks--, l->bytes -= bytes;
-    free(memory);
-}
 
 static void bad_arguments(void **state)
 {
