@@ -119,6 +119,44 @@ static uint64_t run_rows(const micro_case *m, world *w, uint64_t steps)
     return steps * MICRO_LIGHTS;
 }
 
+/* Each of some eye vertices with each of some light vertices, whose pairs are known. */
+static uint64_t run_vertices(const micro_case *m, world *w, uint64_t steps)
+{
+    enum { SIDE = 64, PAIRS = SIDE * SIDE };
+    (void)m;
+    static _Alignas(64) char ends[2][SIDE][VCACHE_VERTEX_BYTES];
+    static vcache_vertex_pair pairs[PAIRS];
+    uint64_t seed = 7, visible[PAIRS / 64];
+    for (int i = 0; i < SIDE; i++)
+        for (int side = 0; side < 2; side++) {
+            vcache_surface s = {.normal = {0, 0, side ? -1.0f : 1.0f}, .user = random_bits(&seed)};
+            s.position[0] = random_unit(&seed), s.position[1] = random_unit(&seed), s.position[2] = 0.98f * (float)side;
+            s.density = 1.0f + 9.0f * random_unit(&seed);
+            vcache_vertex *to = (vcache_vertex *)(void *)ends[side][i];
+            if (side)
+                vcache_prepare_light_vertex(w->cache, &s, to);
+            else
+                vcache_prepare_eye_vertex(w->cache, &s, 12.0f, 4e6f, 0, to);
+        }
+    for (int i = 0; i < PAIRS; i++)
+        pairs[i] = (vcache_vertex_pair){(vcache_vertex *)(void *)ends[0][i / SIDE],
+                                        (vcache_vertex *)(void *)ends[1][i % SIDE]};
+    for (uint64_t i = 0; i <= steps; i++) { /* the first time they are learnt */
+        for (uint32_t next = 0; next < PAIRS;) {
+            next = vcache_add_vertices(w->worker, pairs, next, PAIRS, visible);
+            if (i == 0)
+                vcache_resolve(w->worker, world_trace, NULL);
+            else if (vcache_misses(w->worker, NULL))
+                vcache_cancel(w->worker);
+        }
+        if (i == 0)
+            vcache_worker_reset_statistics(w->worker);
+        micro_sink += visible[i % (PAIRS / 64)];
+    }
+    check_known(w, steps * PAIRS);
+    return steps * PAIRS;
+}
+
 /* -------------------------------------------------------------------------------------------------------- estimate */
 
 static vcache_prediction predict(world *w, uint32_t at)
@@ -287,6 +325,7 @@ micro_case *cases_new(uint32_t isa, size_t *count)
     const world_spec empty = {.where = IN_L3, .isa = VCACHE_ISA_ALL};
     for (int i = 0; i < ENDS; i++)
         snprintf(append(&l, empty, "end", run_prepare, i)->name, sizeof l.items->name, "prepare/%s", end_names[i]);
+    snprintf(append(&l, empty, "pair", run_vertices, 0)->name, sizeof l.items->name, "query/vertices");
     snprintf(append(&l, empty, "miss", run_misses, MISS_SINGLE)->name, sizeof l.items->name, "misses/single");
     snprintf(append(&l, empty, "miss", run_misses, MISS_BATCH)->name, sizeof l.items->name, "misses/batch");
     snprintf(append(&l, empty, "miss", run_misses, MISS_ROWS)->name, sizeof l.items->name, "misses/rows");
