@@ -54,8 +54,8 @@ for mode in exact cache; do
 done
 finish "--resume goes on to what an unbroken run has"
 
-clean_failure 1 "another seed" "${tiny[@]}" --visibility exact --seed 5 --spp 12 --resume part-exact.exr -o out/x.exr
-clean_failure 1 "another visibility" "${tiny[@]}" --visibility cache --spp 12 --resume part-exact.exr -o out/x.exr
+clean_failure 1 "--seed 0, not 5" "${tiny[@]}" --visibility exact --seed 5 --spp 12 --resume part-exact.exr -o out/x.exr
+clean_failure 1 "--visibility exact, not cache" "${tiny[@]}" --visibility cache --spp 12 --resume part-exact.exr -o out/x.exr
 clean_failure 1 "another scene" shapes --quiet --size 32x18 --visibility exact --spp 12 --resume part-exact.exr -o out/x.exr
 for k in 1 2; do # the same room in another colour
     mkdir -p room$k
@@ -65,10 +65,10 @@ done
 room=(--quiet --size 8x8 --visibility exact --look 0.3,0.3,2,0.3,0.3,0,40)
 quiet_good room1/a.obj "${room[@]}" --spp 1 -o room.exr
 quiet_good room1/a.obj "${room[@]}" --spp 2 --resume room.exr -o room.exr
-clean_failure 1 "another surfacesAndLights" room2/a.obj "${room[@]}" --spp 3 --resume room.exr
-clean_failure 1 "another cameraEye" "${tiny[@]}" --look 0,1,2,0,0,0,40 --visibility exact --spp 12 --resume part-exact.exr
-clean_failure 1 "another heuristic" "${tiny[@]}" --heuristic balance --visibility exact --spp 12 --resume part-exact.exr
-clean_failure 1 "another ce" "${tiny[@]}" --visibility cache --epoch 4 --ce 5 --spp 12 --resume part-cache.exr
+clean_failure 1 "other materials, instances, lights or another sky" room2/a.obj "${room[@]}" --spp 3 --resume room.exr
+clean_failure 1 "another camera" "${tiny[@]}" --look 0,1,2,0,0,0,40 --visibility exact --spp 12 --resume part-exact.exr
+clean_failure 1 "--heuristic power, not balance" "${tiny[@]}" --heuristic balance --visibility exact --spp 12 --resume part-exact.exr
+clean_failure 1 "--ce 12, not 5" "${tiny[@]}" --visibility cache --epoch 4 --ce 5 --spp 12 --resume part-cache.exr
 clean_failure 1 "32x18 pixels" cornell --size 16x9 --visibility exact --spp 12 --resume part-exact.exr
 clean_failure 1 "4 passes already" "${tiny[@]}" --visibility exact --spp 4 --resume part-exact.exr
 quiet_good "${tiny[@]}" --visibility exact --spp 4 --half -o half.exr
@@ -123,6 +123,17 @@ else
     mv out/x.exr begun.exr
     clean_failure 1 "no pass" cornell --size 1600x1200 --visibility exact --spp 20 --resume begun.exr
     finish "SIGINT within the first pass leaves a picture, but nothing to go on from"
+
+    # mostly while first hits are looked for again: the file must keep its depth and normals
+    quiet_good cornell --size 640x360 --spp 1 --visibility exact -o kept.exr
+    start cornell --size 640x360 --threads 1 --spp 100000 --visibility exact --resume kept.exr -o kept.exr --quiet
+    kill -INT "$child"
+    reap
+    [[ $rc -eq 130 ]] || problem "exit $rc instead of 130 ($said)"
+    good cornell --size 640x360 --spp 1000 --time 0.1 --visibility exact --resume kept.exr --json out/y.json --quiet
+    read_json out/y.json
+    [[ ${figure[mode_run.passes]} -ge 2 ]] || problem "nothing to go on from"
+    finish "SIGINT at the start of --resume leaves a file to go on from"
 fi
 
 tap_end

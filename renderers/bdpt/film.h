@@ -28,8 +28,8 @@ void passes_free(passes *p);
 /* Adds pass `index`, whose random numbers are its own. False where it was interrupted: it is left out then, but for the
  * first, of which the film has a part and counts none. */
 bool passes_render(passes *p, uint32_t index);
-/* Depth and normal alone, of the first pass, where one goes on from later ones. */
-void passes_first_hits(passes *p);
+/* Depth and normal alone, of the first pass, where one goes on from later ones. False where it was interrupted. */
+bool passes_first_hits(passes *p);
 /* So far; seconds that threads spent on visibility, their mean. */
 counts passes_counts(const passes *p, double *visibility_s);
 

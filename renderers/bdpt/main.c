@@ -180,8 +180,7 @@ int main(int argc, char *argv[])
     emitters *e = NULL;
     light_sources *l = NULL;
     image reference;
-    uint64_t bytes = (uint64_t)v->settings.width * v->settings.height * (7 * sizeof(rgb) + sizeof(float));
-    bool ok = program_begin(&a.common, bytes, &reference, &err) && program_load_scene(&a.common, &s, &err) &&
+    bool ok = program_begin(&a.common, bdpt_frame_bytes(&v->settings), &reference, &err) && program_load_scene(&a.common, &s, &err) &&
               scene_finish(s, &err) && program_choose_camera(&a.common, s, &b.camera, &err) &&
               tracer_create(s, a.common.threads, &t, &err);
     if (ok) {

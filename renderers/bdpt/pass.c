@@ -205,10 +205,11 @@ bool passes_render(passes *p, uint32_t index)
     return complete;
 }
 
-void passes_first_hits(passes *p)
+bool passes_first_hits(passes *p)
 {
     p->index = 0;
     p->first_hits = true;
     parallel_for(p->v->settings.threads, p->tile_count, render_tile, p);
     p->first_hits = false;
+    return !interrupted();
 }

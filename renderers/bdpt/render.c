@@ -70,13 +70,13 @@ static image lit_of(const film *f)
 }
 
 /* What a cache has learnt serves N_P paths; the next epoch begins anew (Sect. 3.4). */
-static void run(const view *v, vcache *cache, passes *p, film *f, progress *shown, double start)
+static bool run(const view *v, vcache *cache, passes *p, film *f, progress *shown, double start, message *err)
 {
     const settings *s = &v->settings;
     bool complete = true;
     uint32_t first = f->passes;
-    if (first > 0)
-        passes_first_hits(p);
+    if (first > 0 && !passes_first_hits(p)) /* a file without them must not replace the one gone on from */
+        return fail(err, "interrupted before the first new pass: nothing is written");
     /* keys of an epoch depend on how many went before */
     for (uint32_t epoch = 0; cache && epoch < (first + (uint32_t)s->epoch - 1) / (uint32_t)s->epoch; epoch++)
         vcache_clear(cache);
@@ -86,6 +86,14 @@ static void run(const view *v, vcache *cache, passes *p, film *f, progress *show
         complete = passes_render(p, f->passes);
         progress_add(shown, (uint64_t)s->width * s->height);
     }
+    return true;
+}
+
+uint64_t bdpt_frame_bytes(const settings *f)
+{
+    enum { IMAGES = 7, SPLATS = 4 }; /* those that see the camera, with room to grow */
+    return (uint64_t)f->width * f->height *
+           (IMAGES * sizeof(rgb) + sizeof(float) + SPLATS * (sizeof(uint32_t) + sizeof(rgb)));
 }
 
 bool bdpt_render(const view *given, const film *start, const char *title, bool quiet, frame *out, message *err)
@@ -104,7 +112,7 @@ bool bdpt_render(const view *given, const film *start, const char *title, bool q
     passes *p = passes_new(v, cache, &f);
     uint64_t pixels = (uint64_t)s->width * s->height;
     progress *shown = progress_new(title, pixels * ((uint64_t)s->spp - f.passes), quiet);
-    run(v, cache, p, &f, shown, begun);
+    bool ok = run(v, cache, p, &f, shown, begun, err);
     progress_free(shown);
     double visibility_s;
     counts c = passes_counts(p, &visibility_s);
@@ -125,5 +133,7 @@ bool bdpt_render(const view *given, const film *start, const char *title, bool q
                    .extra = extra};
     vcache_destroy(&cache);
     pilot_free(ahead);
-    return true;
+    if (!ok)
+        frame_free(out);
+    return ok;
 }

@@ -21,6 +21,8 @@ static inline const frame_passes *passes_of(const frame *f)
 /* Fills in a view whose settings stand; `l` may be NULL. */
 void view_set(view *v, const scene *s, const tracer *t, const light_sources *l, const camera *c);
 
+/* Memory that the images of one frame take, and what light paths bring to other pixels. */
+uint64_t bdpt_frame_bytes(const settings *f);
 /* `start`: NULL, or the passes to go on from (left as they are). frame.shade_s becomes the time spent on visibility of
  * connections, frame.rays their counts. */
 bool bdpt_render(const view *v, const film *start, const char *title, bool quiet, frame *out, message *err);

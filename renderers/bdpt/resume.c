@@ -82,7 +82,42 @@ static void add_identity(const view *v, const settings *s, image_texts *t)
     image_text(t, "normalBins", "%d", s->cache.normal_bins);
     image_text(t, "layers", "%d", s->cache.layers);
     image_text(t, "resolutionStep", "%.9g", (double)s->cache.resolution_step);
-    image_text(t, "cacheBytes", "%llu", (unsigned long long)s->cache.table_bytes);
+    image_text(t, "cacheMiB", "%llu", (unsigned long long)(s->cache.table_bytes >> 20));
+}
+
+/* What a user calls it: an option, or what a number that nobody typed stands for. */
+static const char *known_as(const char *name)
+{
+    static const char *const options[][2] = {{"seed", "--seed"},
+                                             {"visibility", "--visibility"},
+                                             {"partners", "--partners"},
+                                             {"heuristic", "--heuristic"},
+                                             {"edges", "--edges"},
+                                             {"strategy", "--strategy"},
+                                             {"trace", "--trace"},
+                                             {"epoch", "--epoch"},
+                                             {"ce", "--ce"},
+                                             {"normalBins", "--cn"},
+                                             {"layers", "--cz"},
+                                             {"resolutionStep", "--cr"},
+                                             {"cacheMiB", "--cache-mb"}};
+    for (size_t i = 0; i < sizeof options / sizeof *options; i++)
+        if (strcmp(name, options[i][0]) == 0)
+            return options[i][1];
+    return NULL;
+}
+
+/* Text `name` of the file is `has`; now it would be `now`. */
+static bool other(const char *path, const char *name, const char *has, const char *now, message *err)
+{
+    const char *typed = known_as(name);
+    if (typed)
+        return fail(err, "%s: was rendered with %s %s, not %s", path, typed, has, now);
+    if (strncmp(name, "camera", 6) == 0)
+        return fail(err, "%s: was rendered with another camera", path);
+    if (strcmp(name, "surfacesAndLights") == 0)
+        return fail(err, "%s: was rendered with other materials, instances, lights or another sky", path);
+    return fail(err, "%s: was rendered from another scene (%s: %s, not %s)", path, name, has, now);
 }
 
 void resume_texts(const view *v, const settings *s, uint32_t done, image_texts *out)
@@ -122,8 +157,7 @@ bool resume_load(const char *path, const view *v, film *out, message *err)
         ok = fail(err, "%s: has %ux%u pixels, not %ux%u", path, read.width, read.height, s->width, s->height);
     for (size_t i = 0; ok && i < count; i++)
         if (strcmp(texts[i].value, wanted->values[i]) != 0)
-            ok = fail(err, "%s: was rendered with another %s: %s, not %s", path, texts[i].name, texts[i].value,
-                      wanted->values[i]);
+            ok = other(path, texts[i].name, texts[i].value, wanted->values[i], err);
     if (ok && done >= (uint32_t)s->spp)
         ok = fail(err, "%s: has %u passes already; --spp asks for %d", path, done, s->spp);
     free(wanted);

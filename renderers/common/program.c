@@ -211,5 +211,5 @@ int program_end(const program_arguments *a, bool ok, message *err)
     if (ok && flush_output(err))
         return interrupted() ? 128 + interrupt_signal() : 0;
     fprintf(stderr, "%s: %s\n", a->program, err->text);
-    return 1;
+    return interrupted() ? 128 + interrupt_signal() : 1;
 }
