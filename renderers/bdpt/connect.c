@@ -88,7 +88,7 @@ static rgb value_of_light(const view *v, const vertex *z, const light_emission *
     /* of the direction, as seen from here */
     double direct = (double)y0->pdf_direct * l.distance2 / cosine;
     bool met = y0->kind == SOURCE_EMITTER || y0->kind == SOURCE_ENVIRONMENT;
-    double light_side = met ? mis_power(f->heuristic, a.pdf / (direct * f->partners)) : 0.0;
+    double light_side = met ? mis_power(f->heuristic, a.pdf / direct) / f->partners : 0.0;
     double eye_side = mis_side(f->heuristic, z->mis, (double)pdf * a.cosine / l.distance2, a.reverse);
     return v3_scale(v3_mul(a.value, radiance), (float)(weight(f, eye_side, light_side) / direct));
 }
@@ -181,8 +181,7 @@ static void connect_camera(const view *v, const batch *b, uint32_t path, int32_t
         return;
     double pixels = (double)f->width * f->height;
     double pdf = (double)camera_pixel_pdf(&v->camera, cosine) / l.distance2; /* per unit area facing the camera */
-    double light_side =
-        mis_power(f->heuristic, f->partners) * mis_side(f->heuristic, y->mis, pdf * s.cosine / pixels, s.reverse);
+    double light_side = f->partners * mis_side(f->heuristic, y->mis, pdf * s.cosine / pixels, s.reverse);
     rgb value = v3_scale(s.value, (float)(pdf / pixels * weight(f, 0.0, light_side)));
     connection c = {CONNECT_CAMERA, path, 0, at, value, (uint32_t)y_at * f->width + (uint32_t)x_at};
     if (brings(value) && survives(v, out, &c))

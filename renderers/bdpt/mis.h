@@ -7,9 +7,10 @@
  * Densities are those of drawing directions and points alone: Russian roulette is left out of the weights. They only
  * have to sum to one over the strategies of a path, and so they do whatever the roulette does on either side.
  * Each eye sub-path is connected to `partners` light sub-paths: such a strategy draws that many paths where meeting an
- * emitter draws one. Sums are relative to a connection. Where a batch has fewer paths than that the weights stay as
- * they are: light paths of one batch and eye paths of another find the same paths and must agree on them. Doubles:
- * squared densities of large and tiny scenes leave the range of floats.
+ * emitter draws one. With either heuristic it counts as that many, not as their square: they share an eye path and
+ * hang together. Sums are relative to a connection. Where a batch has fewer paths than that the weights stay as they
+ * are: light paths of one batch and eye paths of another find the same paths and must agree on them. Doubles: squared
+ * densities of large and tiny scenes leave the range of floats.
  */
 #ifndef BDPT_MIS_H
 #define BDPT_MIS_H
@@ -31,13 +32,13 @@ static inline double mis_power(heuristic h, double ratio)
  * direction, which no eye path meets. */
 static inline mis mis_light(heuristic h, double direct, double ray, double cosine, double partners)
 {
-    return (mis){mis_power(h, direct / ray), mis_power(h, cosine / (ray * partners))};
+    return (mis){mis_power(h, direct / ray), mis_power(h, cosine / ray) / partners};
 }
 
 /* z_0: `light_paths` may be connected to the pixel, whose directions have density `pdf`. */
 static inline mis mis_camera(heuristic h, double light_paths, double pdf, double partners)
 {
-    return (mis){mis_power(h, light_paths / (pdf * partners)), 0.0};
+    return (mis){mis_power(h, light_paths / pdf) / partners, 0.0};
 }
 
 /* A new vertex at `distance` (1 where the sub-path begins at infinity), `cosine` of the arriving ray with the geometric

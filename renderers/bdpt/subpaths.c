@@ -104,8 +104,7 @@ static void meet(const view *v, batch *b, const walk *w, rgb radiance, float dir
         return;
     double weight = 1.0;
     if (w->edges > 1 && f->light_vertices < 0 && direct > 0.0f)
-        weight =
-            1.0 / (1.0 + mis_power(f->heuristic, f->partners) * mis_side(f->heuristic, w->mis, direct, ray / direct));
+        weight = 1.0 / (1.0 + f->partners * mis_side(f->heuristic, w->mis, direct, ray / direct));
     rgb *to = b->eye.count[w->path] > 0 ? &b->found[w->path] : &b->seen[w->path];
     *to = v3_mad(*to, (float)weight, v3_mul(w->throughput, radiance));
 }
