@@ -129,16 +129,31 @@ static int clamp(float x)
     return x > 0.0f ? x < TOP_EDGE - 1 ? (int)x : TOP_EDGE - 1 : 0;
 }
 
+typedef struct top_cell {
+    int x, y, z;
+} top_cell;
+
+static inline top_cell top_at(const density_map *m, vec3 position)
+{
+    vec3 at = v3_scale(v3_sub(position, m->low), m->scale);
+    return (top_cell){clamp(at.x), clamp(at.y), clamp(at.z)};
+}
+
+void density_prefetch(const density_map *m, vec3 position)
+{
+    top_cell t = top_at(m, position);
+    __builtin_prefetch(&m->top[t.z][t.y][t.x]);
+}
+
 float density_at(const density_map *m, vec3 position)
 {
-    vec3 at_top = v3_scale(v3_sub(position, m->low), m->scale);
-    int x = clamp(at_top.x), y = clamp(at_top.y), z = clamp(at_top.z);
-    float density = m->top[z][y][x];
+    top_cell t = top_at(m, position);
+    float density = m->top[t.z][t.y][t.x];
     if (density > 0.0f)
         return density;
     int32_t at = (int32_t)(-1.0f - density), next;
     float half = m->radius / TOP_EDGE;
-    vec3 center = v3_add(m->low, v3_scale(v3((float)x + 0.5f, (float)y + 0.5f, (float)z + 0.5f), 2.0f * half));
+    vec3 center = v3_add(m->low, v3_scale(v3((float)t.x + 0.5f, (float)t.y + 0.5f, (float)t.z + 0.5f), 2.0f * half));
     while ((next = m->nodes[at].children[octant(position, center)]) != NONE) {
         half *= 0.5f;
         center = child_center(center, half, octant(position, center));

@@ -22,5 +22,7 @@ density_map *density_map_new(const vec3 *vertices, uint32_t count, uint32_t path
 void density_map_free(density_map *m);
 /* Per unit area and path. */
 float density_at(const density_map *m, vec3 position);
+/* It is wanted soon: maps are larger than the caches next to the processor. */
+void density_prefetch(const density_map *m, vec3 position);
 
 #endif

@@ -88,6 +88,22 @@ static void *slot(ends *e, uint32_t index, bool *fresh)
     return e->memory + index * e->stride;
 }
 
+/* y_0 behind all others. */
+static uint32_t light_index(const connection *c)
+{
+    return c->light >= 0 ? (uint32_t)c->light : BATCH * EDGES_MAX + c->path;
+}
+
+void prepared_prefetch_vertices(const prepared *o, const batch *b, const connection *c)
+{
+    const pilot *p = o->v->pilot;
+    if (!o->eye_vertices.ready[c->eye])
+        density_prefetch(p->eye_density, b->eye.vertices[c->eye].origin);
+    if (!o->light_vertices.ready[light_index(c)])
+        density_prefetch(p->light_density,
+                         c->light >= 0 ? b->light.vertices[c->light].origin : b->start[c->path].origin);
+}
+
 const vcache_vertex *prepared_eye_vertex(prepared *o, const batch *b, const connection *c)
 {
     bool fresh;
@@ -103,8 +119,7 @@ const vcache_vertex *prepared_eye_vertex(prepared *o, const batch *b, const conn
 const vcache_vertex *prepared_light_vertex(prepared *o, const batch *b, const connection *c)
 {
     bool fresh;
-    uint32_t index = c->light >= 0 ? (uint32_t)c->light : BATCH * EDGES_MAX + c->path; /* y_0 behind all others */
-    void *at = slot(&o->light_vertices, index, &fresh);
+    void *at = slot(&o->light_vertices, light_index(c), &fresh);
     if (fresh) {
         const light_emission *y0 = &b->start[c->path];
         const vertex *y = c->light >= 0 ? &b->light.vertices[c->light] : NULL;

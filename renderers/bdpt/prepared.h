@@ -12,7 +12,8 @@ void prepared_free(prepared *o);
 /* Another batch begins. */
 void prepared_forget(prepared *o);
 
-/* Of CONNECT_SURFACES (Eq. 6). */
+/* Of CONNECT_SURFACES (Eq. 6). The ends of `c` are wanted soon. */
+void prepared_prefetch_vertices(const prepared *o, const batch *b, const connection *c);
 const vcache_vertex *prepared_eye_vertex(prepared *o, const batch *b, const connection *c);
 const vcache_vertex *prepared_light_vertex(prepared *o, const batch *b, const connection *c);
 /* Of CONNECT_LIGHT (Eq. 7, 9): eye ends for the sky and for other lights differ. */

@@ -148,11 +148,15 @@ static bool trace_misses(void *context, const vcache_miss *misses, size_t count,
 
 static void ask_pairs(connection_visibility *o, const batch *b, const connections *c)
 {
+    enum { AHEAD = 16 };
     uint32_t count = 0;
-    for (size_t i = 0; i < c->count; i++)
+    for (size_t i = 0; i < c->count; i++) {
+        if (i + AHEAD < c->count && c->items[i + AHEAD].kind == CONNECT_SURFACES)
+            prepared_prefetch_vertices(o->ends, b, &c->items[i + AHEAD]);
         if (c->items[i].kind == CONNECT_SURFACES)
             o->pairs[count++] = (vcache_vertex_pair){prepared_eye_vertex(o->ends, b, &c->items[i]),
                                                      prepared_light_vertex(o->ends, b, &c->items[i])};
+    }
     for (uint32_t next = 0; next < count;) {
         next = vcache_add_vertices(o->worker, o->pairs, next, count, o->pairs_visible);
         if (next < count)
