@@ -349,10 +349,10 @@ figure_is runs 2
 has_keys "${compared[@]}"
 finish "--runs 2"
 
-quiet_good cornell "${tiny[@]}" --threads 2 --json own.json
+quiet_good cornell "${tiny[@]}" --size 192x160 --threads 2 --json own.json
 read_json own.json
 own=${figure[mode_run.cache_bytes]:-0}
-quiet_good cornell "${tiny[@]}" --threads 2 --shared --json shared.json
+quiet_good cornell "${tiny[@]}" --size 192x160 --threads 2 --shared --json shared.json
 read_json shared.json
 [[ $own -gt 0 && $((2 * ${figure[mode_run.cache_bytes]:-0})) -eq $own ]] ||
     problem "shared: ${figure[mode_run.cache_bytes]-} bytes, one per thread: $own"

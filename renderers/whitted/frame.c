@@ -7,17 +7,25 @@
 #include "../common/progress.h"
 #include "../../halton/halton.h"
 
+#include <stdatomic.h>
 #include <string.h>
 #include <time.h>
+
+/* Tiles of a region, 128 x 128 pixels, the task of a thread. What is learnt in one is not known in the others, so that
+ * neither the number of threads nor their turns change the image. With 8 the estimate's squared error grows by 5 %,
+ * with more than 16 it does not shrink; fewer regions than threads leave some without work. */
+enum { REGION = 16 };
 
 /* What one thread needs. */
 typedef struct station {
     eye_samples samples;
     const vpl_set *lights; /* of the chunk */
     chunk chunk;
+    caches caches; /* unless shared */
+    uint64_t cache_bytes;
     visibility *visibility;
     estimator *estimator; /* NULL: visibility decides all */
-    caches caches;        /* unless shared */
+    ray_counts rays;      /* of the regions before */
     tile_pixels pixels;
     uint32_t *order; /* of eye samples */
     size_t order_capacity;
@@ -41,6 +49,8 @@ typedef struct job {
     const truth *check;
     progress *progress;
     frame *out;
+    atomic_bool failed; /* no memory for a cache: the first says why */
+    message *err;
 } job;
 
 static double now(void)
@@ -152,16 +162,46 @@ static void copy_out(const job *j, tile t, const tile_pixels *p)
         }
 }
 
-static void prepare_station(job *j, station *s)
+/* Whoever begins a region knows nothing of the others. False where there is no memory. */
+static bool begin_region(job *j, station *s)
 {
-    tracer_thread_init();
-    const caches *c = j->v->settings.shared ? &j->shared : &s->caches;
+    bool shared = j->v->settings.shared;
+    message err;
+    if (!shared && j->mode != VISIBILITY_EXACT && !caches_new(j->v, j->vpls, &s->caches, &err)) {
+        caches_free(&s->caches);
+        if (!atomic_exchange(&j->failed, true) && j->err)
+            *j->err = err;
+        return false;
+    }
+    s->cache_bytes = s->caches.bytes;
+    const caches *c = shared ? &j->shared : &s->caches;
     if (estimates(j->mode))
         s->estimator = estimator_new(j->v, j->vpls, c->all_set);
     s->lights = s->estimator ? &vpls_none : j->vpls; /* what is left to the chunk is exact then */
-    chunk_new(&s->chunk, j->v, s->lights, s->estimator && estimator_punctual(j->v) ? 0 : j->v->scene->light_count);
     s->visibility = visibility_new(j->v, s->lights, j->mode == VISIBILITY_CACHE ? c : NULL);
-    s->ready = true;
+    if (!s->ready) {
+        tracer_thread_init();
+        chunk_new(&s->chunk, j->v, s->lights, s->estimator && estimator_punctual(j->v) ? 0 : j->v->scene->light_count);
+        s->ready = true;
+    }
+    return true;
+}
+
+static void end_region(station *s)
+{
+    ray_counts r = visibility_counts(s->visibility);
+    s->rays.asked += r.asked;
+    s->rays.traced += r.traced;
+    if (s->estimator) {
+        r = estimator_counts(s->estimator);
+        s->rays.asked += r.asked;
+        s->rays.traced += r.traced;
+    }
+    estimator_free(s->estimator);
+    visibility_free(s->visibility);
+    caches_free(&s->caches);
+    s->estimator = NULL;
+    s->visibility = NULL;
 }
 
 /* Lights the eye samples of one pass over a tile. */
@@ -191,13 +231,8 @@ static void light_samples(job *j, station *s, size_t pass)
     s->sample_count += s->samples.count;
 }
 
-static void render_tile(void *context, int thread, size_t index)
+static void render_tile(job *j, station *s, tile t)
 {
-    job *j = context;
-    station *s = &j->stations[thread];
-    if (!s->ready)
-        prepare_station(j, s);
-    tile t = j->tiles[index];
     int spp = j->v->settings.spp;
     memset(&s->pixels, 0, sizeof s->pixels);
     for (int pass = 0; pass < j->passes && !interrupted(); pass++) {
@@ -209,34 +244,16 @@ static void render_tile(void *context, int thread, size_t index)
     progress_add(j->progress, (uint64_t)t.width * t.height);
 }
 
-/* Tasks are squares of tiles: cells on the border of two threads' tiles are traced by both. Enough tasks must be left
- * to keep all threads busy to the end. */
-static size_t stretch_of(size_t tiles, int threads)
-{
-    size_t stretch = 1;
-    while (stretch < 64 && tiles / (4 * stretch) >= 24 * (size_t)threads)
-        stretch *= 4;
-    return threads > 1 ? stretch : 1;
-}
-
-static void render_stretch(void *context, int thread, size_t index)
+static void render_region(void *context, int thread, size_t index)
 {
     job *j = context;
+    station *s = &j->stations[thread];
     size_t end = (index + 1) * j->stretch < j->tile_count ? (index + 1) * j->stretch : j->tile_count;
+    if (!begin_region(j, s))
+        return;
     for (size_t i = index * j->stretch; i < end && !interrupted(); i++)
-        render_tile(j, thread, i);
-}
-
-static bool make_caches(job *j, int threads, message *err)
-{
-    bool shared = j->v->settings.shared;
-    for (int i = 0; i < (shared ? 1 : threads); i++) {
-        caches *c = shared ? &j->shared : &j->stations[i].caches;
-        if (!caches_new(j->v, j->vpls, c, err))
-            return false;
-        j->out->cache_bytes += c->bytes;
-    }
-    return true;
+        render_tile(j, s, j->tiles[i]);
+    end_region(s);
 }
 
 bool uses_cache(visibility_mode mode)
@@ -265,7 +282,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
 {
     const settings *f = &v->settings;
     memset(out, 0, sizeof *out);
-    job j = {.v = v, .record = record, .check = check, .out = out};
+    job j = {.v = v, .record = record, .check = check, .out = out, .err = err};
     allocate(f, out);
     double start = now();
     vpl_set vpls = vpls_new(v);
@@ -290,12 +307,18 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         j.rank[order[i]] = i;
 
     lights->served = j.mode;
-    bool ok = j.mode == VISIBILITY_EXACT || make_caches(&j, threads, err);
+    bool ok = j.mode == VISIBILITY_EXACT || !f->shared || caches_new(v, &vpls, &j.shared, err);
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
-        j.stretch = stretch_of(j.tile_count, threads);
-        parallel_for(f->threads, (j.tile_count + j.stretch - 1) / j.stretch, render_stretch, &j);
+        j.stretch = j.mode == VISIBILITY_EXACT ? 1 : REGION * (size_t)threads; /* exact tiles learn nothing */
+        size_t regions = (j.tile_count + j.stretch - 1) / j.stretch;
+        parallel_for_until(f->threads, regions, render_region, &j, &j.failed);
+        ok = !atomic_load(&j.failed);
         out->frame_s = now() - start;
+        out->cache_bytes = j.shared.bytes;
+        for (int i = 0; i < threads; i++) /* a region comes to each thread, if there are so many */
+            if (j.stations[i].cache_bytes)
+                out->cache_bytes = j.stations[i].cache_bytes * ((size_t)threads < regions ? (size_t)threads : regions);
         out->complete = !interrupted();
         progress_free(j.progress);
     }
@@ -304,22 +327,12 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         out->shade_s += s->shade_s / threads;
         out->mispredicted += s->mispredicted;
         out->eye_samples += s->sample_count;
-        if (s->ready) {
-            ray_counts r = visibility_counts(s->visibility);
-            out->rays.asked += r.asked;
-            out->rays.traced += r.traced;
-            if (s->estimator) {
-                r = estimator_counts(s->estimator);
-                out->rays.asked += r.asked;
-                out->rays.traced += r.traced;
-            }
-            estimator_free(s->estimator);
-            visibility_free(s->visibility);
+        out->rays.asked += s->rays.asked;
+        out->rays.traced += s->rays.traced;
+        if (s->ready)
             chunk_free(&s->chunk);
-        }
         free(s->samples.items);
         free(s->order);
-        caches_free(&s->caches);
     }
     caches_free(&j.shared);
     free(j.stations);

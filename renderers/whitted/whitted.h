@@ -56,7 +56,7 @@ typedef struct settings {
     float ce_samples;    /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
     bool words;          /* all answers in the table of 32-bit words instead of rows of light bits */
-    bool shared;         /* one cache for all threads instead of one each */
+    bool shared;         /* one cache for all threads instead of one for each region of the image */
 } settings;
 
 /* ------------------------------------------------------------------------------------------------ lights (vpl.c) */
@@ -210,7 +210,7 @@ void direct_order(const view *v, const eye_sample *e, uint32_t count, uint16_t *
 /* One thread's means of deciding visibility. */
 typedef struct visibility visibility;
 
-/* The caches of one thread, or of all. */
+/* The caches of one region of the image, or of all. */
 typedef struct caches {
     vcache *table; /* light samples; with settings.words all lights */
     vcache_light *virtual_ends, *punctual_ends;
