@@ -310,7 +310,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     bool ok = j.mode == VISIBILITY_EXACT || !f->shared || caches_new(v, &vpls, &j.shared, err);
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
-        j.stretch = j.mode == VISIBILITY_EXACT ? 1 : REGION * (size_t)threads; /* exact tiles learn nothing */
+        j.stretch = j.mode == VISIBILITY_EXACT ? 1 : REGION; /* exact tiles learn nothing */
         size_t regions = (j.tile_count + j.stretch - 1) / j.stretch;
         parallel_for_until(f->threads, regions, render_region, &j, &j.failed);
         ok = !atomic_load(&j.failed);
