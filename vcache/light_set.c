@@ -6,6 +6,17 @@
 #include <math.h>
 #include <string.h>
 
+void light_set_place(vcache_light_set *s, uint32_t i)
+{
+    const vcache_light *l = &s->lights[i];
+    /* NaN is never far enough */
+    s->x[i] = l->bad ? NAN : l->position[0];
+    s->y[i] = l->position[1];
+    s->z[i] = l->position[2];
+    /* a bypass is !(distance^2 >= side^2): never for directions, always for ends that cannot be quantized */
+    s->side_squared[i] = l->bad ? INFINITY : l->side_squared;
+}
+
 vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights, uint32_t count, uint64_t bytes,
                                       vcache_light_set **out, char *message)
 {
@@ -49,14 +60,8 @@ vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights,
     s->z = s->y + padded;
     s->side_squared = s->z + padded;
     memcpy(s->lights, lights, count * sizeof *lights);
-    for (uint32_t i = 0; i < count; i++) {
-        /* NaN is never far enough */
-        s->x[i] = lights[i].bad ? NAN : lights[i].position[0];
-        s->y[i] = lights[i].position[1];
-        s->z[i] = lights[i].position[2];
-        /* a bypass is !(distance^2 >= side^2): never for directions, always for ends that cannot be quantized */
-        s->side_squared[i] = lights[i].bad ? INFINITY : lights[i].side_squared;
-    }
+    for (uint32_t i = 0; i < count; i++)
+        light_set_place(s, i);
     *out = s;
     return VCACHE_OK;
 }
