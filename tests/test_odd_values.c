@@ -170,7 +170,13 @@ static void other_numbers(void **state)
             if (!(rays >= 0.0f && rays <= 16.0f))
                 fail_msg("budget of error %g, value %g: %g rays", (double)x, (double)odd[k], (double)rays);
         }
-        assert_true(vcache_budget_rays(&budget, 1.0f, 1.0f, 1) > 0.0f); /* and it goes on */
+        if (!isfinite(x)) { /* it goes on as if that had not been */
+            budget = (vcache_budget){.rays = 4.0f};
+            (void)vcache_budget_rays(&budget, x, 1.0f, 1);
+            (void)vcache_budget_rays(&budget, 1.0f, x, 1);
+            float more = vcache_budget_rays(&budget, 1.0f, 1.0f, 1), less = vcache_budget_rays(&budget, 0.1f, 1.0f, 1);
+            assert_true(more > 0.0f && less < more);
+        }
         for (int k = 0; k < ODD; k++) {
             (void)vcache_density_cone(x, odd[k], 1.0f);
             (void)vcache_density_pdf(x, odd[k]);
