@@ -310,7 +310,7 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
  *
  * Bit i of `crossing` (bit i % 64 of word i / 64) tells whether any segment between the cells of `eye` and of lights[i]
  * may meet the box: of all points that may answer for these two. Set as well where an end cannot be quantized, for cells
- * of directions (they are cones), and where the box holds NaN. About 10 ns a light. Eq. 6 has no such call. */
+ * of directions (they are cones), and where the box holds NaN. Some 20 ns a light. Eq. 6 has no such call. */
 VCACHE_API void vcache_crossing(const vcache *cache, const vcache_eye *eye, const vcache_light *lights, uint32_t count,
                                 const float box_min[3], const float box_max[3], uint64_t *crossing);
 
