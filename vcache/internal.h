@@ -5,6 +5,7 @@
 
 #include "hash.h"
 #include "kernels.h"
+#include "names.h"
 #include "table.h"
 #include "vcache.h"
 

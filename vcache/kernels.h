@@ -6,6 +6,7 @@
 #ifndef VCACHE_KERNELS_H
 #define VCACHE_KERNELS_H
 
+#include "names.h"
 #include "vcache.h"
 
 #include <string.h>

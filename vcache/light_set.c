@@ -138,6 +138,18 @@ static void ask_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *e
     }
 }
 
+static void verify_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint32_t base, uint64_t bits,
+                       uint32_t level, uint64_t said, uint64_t *visible)
+{
+    pair p = {.from.eye = eye, .set = set, .visible = visible};
+    for (; bits; bits &= bits - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(bits);
+        p.bit = base + i;
+        p.to.light = &set->lights[p.bit];
+        worker_verify(w, &p, level, said >> i & 1u);
+    }
+}
+
 /* Words of one pass: rows are copied to the stack in pieces of this size. */
 enum { PIECE = 16 };
 
@@ -168,6 +180,8 @@ static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *
             hits += count_ones(found[i]);
             visible[first + i] = (visible[first + i] & ~found[i]) | (found[i] & seen[0][i]);
             any |= rest[i];
+            if (w->config.verify)
+                verify_set(w, set, eye, 64 * (first + i), found[i], d, seen[0][i], visible);
             if (missing[i])
                 ask_set(w, set, eye, 64 * (first + i), missing[i], d, keys[0], refine, visible);
         }

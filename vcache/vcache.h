@@ -36,6 +36,10 @@
 extern "C" {
 #endif
 
+/* Compatibility: what was compiled with a header runs with every library of the same soname (libvcache.so.0.1 for all
+ * 0.1.x). Within one soname functions and struct fields are neither removed nor changed, nor do keys and files change;
+ * structs that carry their size may grow at their end, and the library takes the sizes of all versions of its soname.
+ * Until 1.0 each minor version has a soname of its own, from then on each major one. docs/abi.md. */
 #define VCACHE_VERSION_MAJOR 0
 #define VCACHE_VERSION_MINOR 1
 #define VCACHE_VERSION_PATCH 0
@@ -54,7 +58,9 @@ extern "C" {
 typedef enum vcache_status {
     VCACHE_OK = 0,
     VCACHE_ERROR_ARGUMENT, /* a value is out of its range; the message names it */
-    VCACHE_ERROR_MEMORY    /* the allocator returned NULL */
+    VCACHE_ERROR_MEMORY,   /* the allocator returned NULL */
+    VCACHE_ERROR_FILE      /* save.h: what was saved is damaged, of another scene or config, or cannot be read; or
+                              nothing can be written */
 } vcache_status;
 
 /* Enough for every message, the final 0 included. */
@@ -224,11 +230,28 @@ typedef uint8_t vcache_answer;
 #define VCACHE_VISIBLE 1
 #define VCACHE_ONCE 2 /* or-ed to one of the two */
 
+/* What the cache got wrong, found by a worker that verifies. */
+typedef struct vcache_misprediction {
+    vcache_miss ray; /* the pair; by its `user` values the host knows how much light it stands for */
+    bool visible;    /* what the ray found: the cache had said the opposite */
+    int32_t level;   /* of the cell that answered */
+    uint64_t cell;   /* that cell, as vcache_eye_cell names it; 0 for pairs of vertices */
+} vcache_misprediction;
+
+/* Called inside vcache_commit and vcache_visible; must not use the same worker. */
+typedef void (*vcache_report)(void *context, const vcache_misprediction *wrong);
+
 typedef struct vcache_worker_config {
     size_t size;       /* sizeof(vcache_worker_config) */
     uint32_t capacity; /* 1 ... 2^24, default 4096: pairs that can wait for rays at a time; their
                           scratch (about 200 bytes a pair) should fit the second-level cache */
     bool exact;        /* every pair is a miss, nothing is looked up or stored: for comparison */
+    /* For debugging: pairs that the cache answers become misses as well, so that all is traced, and where the ray
+     * differs `report` is called (NULL: counted alone) and statistics count it. Answers, what is stored and the other
+     * statistics stay what they are without: the picture is the cache's, with its errors. With `exact`: no effect. */
+    bool verify;
+    vcache_report report;
+    void *report_context;
 } vcache_worker_config;
 
 /* Pending batch, scratch and statistics of one thread. */
@@ -463,6 +486,10 @@ typedef struct vcache_statistics {
                                          light sets: rows replaced (`stored` counts their bits) */
     uint64_t hits[VCACHE_MAX_LEVELS]; /* pairs answered by the table, by level; estimates that knew something: 0 */
     uint32_t hit_levels;              /* mask of the levels that have hits */
+    /* Of workers that verify, beside the counts above: */
+    uint64_t verified;     /* rays for pairs that the cache had answered */
+    uint64_t mispredicted; /* of these: the cache was wrong */
+    uint64_t leaked;       /* of these: blocked, and the cache had said visible */
 } vcache_statistics;
 
 /* Counts of this worker since it was created or reset. */
