@@ -53,8 +53,10 @@
 extern "C" {
 #endif
 
+/* The most light sources. */
 #define VCACHE_ADAPTIVE_MAX_SOURCES 16777216
 
+/* What it is made from; start from vcache_adaptive_default_config. */
 typedef struct vcache_adaptive_config {
     size_t size;       /* sizeof(vcache_adaptive_config), set by vcache_adaptive_default_config */
     uint32_t sources;  /* N, 1 ... VCACHE_ADAPTIVE_MAX_SOURCES; no default */
@@ -71,6 +73,7 @@ typedef struct vcache_adaptive_config {
 /* Hit rates of the sources, for one render of one scene. Any number of threads may read it through their workers. */
 typedef struct vcache_adaptive vcache_adaptive;
 
+/* All fields set to their defaults: `sources` remains to be set. */
 VCACHE_API vcache_adaptive_config vcache_adaptive_default_config(void);
 /* On failure *out is NULL and `message` (VCACHE_MESSAGE_BYTES bytes, or NULL) says which value is wrong. */
 VCACHE_API vcache_status vcache_adaptive_create(const vcache_adaptive_config *config, vcache_adaptive **out,
@@ -118,6 +121,7 @@ VCACHE_API uint32_t vcache_adaptive_finish(vcache_adaptive_worker *worker);
 VCACHE_API void vcache_adaptive_merge(vcache_adaptive *adaptive, vcache_adaptive_worker *const *workers,
                                       uint32_t count);
 
+/* What is known of a source. */
 typedef struct vcache_adaptive_source {
     uint64_t tests, hits; /* w(i), v(i): merged so far, or by now where free-running. Not counted at t = 0, where
                              nothing reads them */
@@ -127,6 +131,7 @@ typedef struct vcache_adaptive_source {
 /* `source` < sources. */
 VCACHE_API vcache_adaptive_source vcache_adaptive_source_rate(const vcache_adaptive *adaptive, uint32_t source);
 
+/* Counts of a worker. */
 typedef struct vcache_adaptive_statistics {
     size_t size;         /* in: sizeof(vcache_adaptive_statistics); out: bytes that this version filled */
     uint64_t points;     /* finished */

@@ -55,6 +55,7 @@ extern "C" {
 /* The most levels of adaptive refinement (Alg. 2), the unrefined one included. */
 #define VCACHE_MAX_LEVELS 16
 
+/* What became of a call that can fail. */
 typedef enum vcache_status {
     VCACHE_OK = 0,
     VCACHE_ERROR_ARGUMENT, /* a value is out of its range; the message names it */
@@ -68,6 +69,7 @@ typedef enum vcache_status {
 
 /* ------------------------------------------------------------------------------------------------------ the cache */
 
+/* How keys are hashed. */
 typedef enum vcache_hash {
     VCACHE_HASH_SPLIT,       /* default: each end hashed to 64 bits once, a pair costs one 64 x 64 bit multiplication */
     VCACHE_HASH_LCG_PAIR,    /* Eq. 10: two linear congruential generators over the words of the key. For comparison
@@ -82,11 +84,13 @@ typedef struct vcache_allocator {
     void *context;
 } vcache_allocator;
 
+/* Instruction sets, for vcache_config.isa. */
 #define VCACHE_ISA_SCALAR 0u
 #define VCACHE_ISA_AVX2 1u
 #define VCACHE_ISA_AVX512 2u
 #define VCACHE_ISA_ALL 0xffffffffu
 
+/* What a cache is made from; start from vcache_default_config. */
 typedef struct vcache_config {
     size_t size;                        /* sizeof(vcache_config), set by vcache_default_config */
     float bounds_min[3], bounds_max[3]; /* of everything that ends lie on; finite, min <= max. Default: a unit cube */
@@ -102,8 +106,10 @@ typedef struct vcache_config {
     vcache_allocator allocator; /* default: the C library's */
 } vcache_config;
 
+/* The table of answers and how ends are quantized. Any number of threads may use it. */
 typedef struct vcache vcache;
 
+/* All fields set to their defaults: the scene's bounds remain to be set. */
 VCACHE_API vcache_config vcache_default_config(void);
 
 /* On failure *out is NULL and `message` (VCACHE_MESSAGE_BYTES bytes, or NULL) says which value is wrong. */
@@ -241,6 +247,7 @@ typedef struct vcache_misprediction {
 /* Called inside vcache_commit and vcache_visible; must not use the same worker. */
 typedef void (*vcache_report)(void *context, const vcache_misprediction *wrong);
 
+/* What a worker is made from; start from vcache_default_worker_config. */
 typedef struct vcache_worker_config {
     size_t size;       /* sizeof(vcache_worker_config) */
     uint32_t capacity; /* 1 ... 2^24, default 4096: pairs that can wait for rays at a time; their
@@ -257,6 +264,7 @@ typedef struct vcache_worker_config {
 /* Pending batch, scratch and statistics of one thread. */
 typedef struct vcache_worker vcache_worker;
 
+/* All fields set to their defaults. */
 VCACHE_API vcache_worker_config vcache_default_worker_config(void);
 /* `config` may be NULL for the defaults. The cache must outlive the worker. */
 VCACHE_API vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *config, vcache_worker **out,
@@ -357,6 +365,7 @@ typedef struct vcache_cells {
     uint64_t key[VCACHE_CELLS]; /* finest first; 0: the end cannot be quantized, nothing is known or learnt */
 } vcache_cells;
 
+/* What vcache_predict found out. */
 typedef struct vcache_prediction {
     const float *mean; /* [lights] m_i, in (0, 1); valid until the next prediction of this predictor */
     float expected;    /* sum f_i m_i */
@@ -364,6 +373,7 @@ typedef struct vcache_prediction {
     vcache_cells cells;
 } vcache_prediction;
 
+/* A light that was drawn. */
 typedef struct vcache_pick {
     uint32_t light;
     uint32_t sample; /* of those that share the prediction */
@@ -474,6 +484,7 @@ VCACHE_API void vcache_learn_pair(vcache_worker *worker, const vcache_estimate *
 
 /* ----------------------------------------------------------------------------------------------------- statistics */
 
+/* Counts of a worker. */
 typedef struct vcache_statistics {
     size_t size;                      /* in: sizeof(vcache_statistics); out: bytes that this version filled */
     uint64_t asked;                   /* pairs added or estimated */
@@ -496,6 +507,7 @@ typedef struct vcache_statistics {
 VCACHE_API void vcache_worker_statistics(const vcache_worker *worker, vcache_statistics *out);
 VCACHE_API void vcache_worker_reset_statistics(vcache_worker *worker);
 
+/* English text of a status, never NULL. */
 VCACHE_API const char *vcache_status_text(vcache_status status);
 /* major * 10000 + minor * 100 + patch of the library that is linked. */
 VCACHE_API uint32_t vcache_version(void);
