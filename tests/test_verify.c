@@ -7,6 +7,7 @@ typedef enum way { ONE_BY_ONE, ARRAY, BUNDLED, ROWS, VERTICES, WAYS } way;
 
 typedef struct reports {
     uint64_t count, leaks;
+    uint32_t levels; /* mask */
     const world *w;
     bool vertices;
 } reports;
@@ -17,6 +18,7 @@ static void report(void *context, const vcache_misprediction *m)
     const vcache_miss *ray = &m->ray;
     r->count++;
     r->leaks += !m->visible;
+    r->levels |= 1u << m->level;
     assert_int_equal(sees(ray->eye_position, ray->light_position, ray->infinite), m->visible);
     assert_in_range(ray->eye_user, 0, EYES - 1);
     assert_in_range(ray->light_user, 1000, 1000 + LIGHTS - 1);
@@ -28,6 +30,7 @@ typedef struct result {
     vcache_statistics s;
     uint64_t answers; /* checksum */
     uint64_t wrong, leaks, rays;
+    uint32_t levels; /* of cells that were wrong */
 } result;
 
 typedef struct ends {
@@ -100,7 +103,7 @@ static result run(way how, bool verify, bool exact, bool silent)
     }
     assert_true(vcache_resolve(worker, trace, &t));
 
-    result out = {.s = statistics_of(worker), .rays = t.rays};
+    result out = {.s = statistics_of(worker), .rays = t.rays, .levels = r.levels};
     for (size_t i = 0; i < EYES; i++)
         for (uint32_t k = 0; k < LIGHTS; k++) {
             const vcache_light *l = &w->light[k];
@@ -135,6 +138,8 @@ static void all_errors_are_reported(void **state)
         assert_int_equal(r.rays, (uint64_t)EYES * LIGHTS);
         assert_int_equal(r.s.mispredicted, r.wrong);
         assert_int_equal(r.s.leaked, r.leaks);
+        assert_int_equal(r.s.stored, r.s.traced - r.s.bypassed);
+        assert_int_equal(r.levels, how == VERTICES ? 1u : r.s.hit_levels);
         assert_true(r.wrong > 100);
         assert_in_range(r.leaks, r.wrong / 5, r.wrong * 4 / 5);
     }

@@ -296,12 +296,10 @@ static const char *load_rows(vcache_light_set *set, stream *s, uint64_t scene)
             return short_file;
         if (!key)
             continue;
-        if (row_of(set, key) != set->memory + i * set->stride)
-            return damaged;
         if (!get_all(s, known, set->words) || !get_all(s, visible, set->words))
             return short_file;
         bool replaced;
-        _Atomic uint64_t *row = row_open(set, key, &replaced); /* nobody else has it yet */
+        _Atomic uint64_t *row = row_open(set, key, &replaced); /* nobody else has the set yet */
         for (uint32_t w = 0; w < set->words; w++)
             row_store(set, row, w, (light_states){known[w], visible[w]});
         row_close(row);
