@@ -198,7 +198,7 @@ static inline bool visible_family(vcache_worker *w, vcache_hash family, const vc
     if (s.known) {
         worker_count_hit(w, s.level);
         if (w->config.verify)
-            worker_verify_one(w, eye, light, s, trace, context);
+            worker_verify_one(w, eye, light, s.level, s.visible, trace, context);
         return s.visible;
     }
     place at = s.at; /* so that the step itself can stay in registers */

@@ -320,10 +320,10 @@ bool worker_trace_one(vcache_worker *w, const vcache_eye *eye, const vcache_ligh
     return result & VCACHE_VISIBLE;
 }
 
-void worker_verify_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, step s, vcache_trace trace,
-                       void *context)
+void worker_verify_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, uint32_t level, bool said,
+                       vcache_trace trace, void *context)
 {
-    const pair p = {.from.eye = eye, .level = (uint8_t)s.level, .said = s.visible};
+    const pair p = {.from.eye = eye, .level = (uint8_t)level, .said = said};
     vcache_miss ray;
     vcache_answer answer = VCACHE_BLOCKED;
     describe(&ray, eye->user, eye->position, light->user, light->position, light->side_squared < 0.0f);

@@ -113,8 +113,8 @@ uint64_t worker_take(uint64_t word, uint32_t *room, uint32_t base, uint32_t end,
 bool worker_trace_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, const place *at,
                       vcache_trace trace, void *context);
 /* The ray that checks a single query's answer. */
-void worker_verify_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, step s, vcache_trace trace,
-                       void *context);
+void worker_verify_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, uint32_t level, bool said,
+                       vcache_trace trace, void *context);
 
 /* query.c: Algorithm 2 from `level` on, over words of the table. */
 step table_walk(const vcache *c, uint64_t epoch_key, const vcache_eye *eye, const vcache_light *light, uint32_t level);
