@@ -25,7 +25,7 @@ options_status program_parse(program_arguments *a, const char *summary, const op
         .name = a->program,
         .summary = summary,
         .positional = "[SCENE]",
-        .positional_help = "a .glb, .gltf, .obj or .ply file, or atrium, cornell, shapes, dominoes, plant",
+        .positional_help = "a .glb, .gltf, .obj or .ply file, or a built-in scene",
         .positional_value = &a->scene,
     };
     options_status status = options_parse(&program, table, count, argc, argv, err);
@@ -150,7 +150,7 @@ bool program_begin(const program_arguments *a, uint64_t frame_bytes, image *refe
 /* A word that is neither the name of a built-in scene nor looks like a file. */
 static bool unknown_scene(const char *name, message *err)
 {
-    char names[128] = "";
+    char names[256] = "";
     for (size_t i = 0, used = 0; scene_builtin_names[i] && used < sizeof names; i++)
         used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i ? ", " : "", scene_builtin_names[i]);
     const char *best = options_suggest(name, scene_builtin_names);
