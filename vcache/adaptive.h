@@ -37,6 +37,9 @@
  *   any tile; at its end wait for all threads, merge all workers in one call, go on. The picture is then the same bit
  *   for bit for any number of threads. Each round costs a barrier, and N additions per worker; rounds that double in
  *   size (1, 1, 2, 4, 8 ... tiles) learn soon and need few. In the first round nothing is known but the prior.
+ *   Or learn before all else, at some points with a relaxation of 0, where all sources are tested; merge; never again.
+ *   That needs no rounds, and its rates are better: those of step 2 alone are too low, as more is tested in the shadow
+ *   than in the light (docs/adaptive.md).
  * - Free-running: every answer is counted at once for all threads. No barriers, no merging; each test costs one or two
  *   atomic additions on memory that all threads write to, and a render is not the same picture twice unless one thread
  *   makes it.
@@ -78,10 +81,14 @@ VCACHE_API vcache_status vcache_adaptive_create(const vcache_adaptive_config *co
 /* After its workers. Sets *adaptive to NULL; NULL and a pointer to NULL are fine. */
 VCACHE_API void vcache_adaptive_destroy(vcache_adaptive **adaptive);
 
-/* Scratch, counts and statistics of one thread (about 33 bytes a source). */
+/* One point at a time: scratch, counts and statistics of one thread (about 33 bytes a source, 17 beside another). */
 typedef struct vcache_adaptive_worker vcache_adaptive_worker;
 VCACHE_API vcache_status vcache_adaptive_worker_create(vcache_adaptive *adaptive, vcache_adaptive_worker **out,
                                                        char *message);
+/* Another one for the same thread, that counts into `first`'s counts: for several points at a time, so that their tests
+ * can share packets of rays. Merging `first` merges both; destroy it after this one. */
+VCACHE_API vcache_status vcache_adaptive_worker_create_beside(vcache_adaptive_worker *first,
+                                                              vcache_adaptive_worker **out, char *message);
 /* Counts that were not merged are lost. */
 VCACHE_API void vcache_adaptive_worker_destroy(vcache_adaptive_worker **worker);
 
@@ -91,7 +98,8 @@ VCACHE_API void vcache_adaptive_worker_destroy(vcache_adaptive_worker **worker);
  * that is the same for all (luminance, say), in any order. 0, negative, NaN and infinite: never tested, weight 0.
  * `weight`: [sources] written by the calls below. Both must stay where they are until the point is finished, and must
  * not overlap. `relaxation` >= 1 multiplies the tolerance: 1 / (the ray's weight in the pixel), say, for rays at the
- * end of specular chains (Sect. 5); below 1 and NaN count as 1. A tolerance of 0 stays 0. */
+ * end of specular chains (Sect. 5). 0: all with a contribution are tested and counted, brightest first, to learn hit
+ * rates from. Else below 1, and NaN, count as 1. A tolerance of 0 stays 0. */
 VCACHE_API void vcache_adaptive_begin(vcache_adaptive_worker *worker, const float *contribution, float *weight,
                                       float relaxation);
 
