@@ -68,6 +68,8 @@ static void add_differences(cJSON *j, const comparison *c)
     json_add_number(error, "rel_mse", c->lit.rel_mse);
     json_add_number(error, "p999", c->lit.p999);
     json_add_number(error, "max", c->lit.max);
+    json_add_number(error, "mean_relative", c->lit.mean_relative);
+    json_add_number(error, "max_relative", c->lit.max_relative);
     json_add_number(error, "mispredicted", c->mispredicted >= 0.0 ? c->mispredicted : (double)NAN);
     cJSON *s = cJSON_AddObjectToObject(j, "speedup");
     double low, high;
