@@ -54,7 +54,7 @@ printf '%s\n' ply 'format ascii 1.0' 'element vertex 3' 'property float x' 'prop
 
 # name:kind of every option; kinds are those of bad_values below
 options=(size:size spp:one vpls:zero env:text env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
-    visibility:choice select:positive ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
+    visibility:choice select:positive tolerance:small certainty:share ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
     refine-above:float cache-mb:one shared:flag store:choice hash:choice compare:flag runs:one threads:zero seed:seed output:text
     picture:text reference:text half:flag tiles:flag json:text quiet:flag)
 
@@ -103,6 +103,9 @@ done
 clean_failure 2 "--select does without" cornell --select 4 --visibility exact --store words
 clean_failure 2 "--select does without" cornell --select 4 --visibility cache --ce-delta 8
 clean_failure 2 "--visibility estimate does without" cornell --select 4 --store words
+clean_failure 2 "--tolerance and --certainty need" cornell --tolerance 0.2
+clean_failure 2 "--tolerance and --certainty need" cornell --certainty 0.2 --visibility estimate
+clean_failure 2 "--select draws lights" cornell --visibility adaptive-cache --select 4
 clean_failure 1 "65535x65535" cornell --size 65535x65535 -o out/x.exr
 finish "options that do not fit together are refused"
 
@@ -114,6 +117,8 @@ bad_values() {
     one) values=("${no_int[@]}" 0 -1) ;;
     zero) values=("${no_int[@]}" -1) ;;
     seed) values=("${no_number[@]}" -1 1.5 1e3 18446744073709551616) ;;
+    small) values=("${no_number[@]}" -1 1e999 1001) ;;
+    share) values=("${no_number[@]}" -0.1 1.01 1e999) ;;
     float) values=("${no_number[@]}" -1 1e999 20000) ;;
     positive) values=("${no_number[@]}" 0 -1 1e-9 1e999 20000) ;;
     ratio) values=("${no_number[@]}" 0 1 -2 1e999 17) ;;
@@ -342,6 +347,26 @@ read_json drawn.json
 figure_is served '"exact"'
 figure_is error.l_inf 0
 finish "lights are drawn in three ways"
+
+for pair in adaptive:adaptive adaptive-cache:adaptive-cache; do
+    quiet_good conference-lights --size 48x32 --vpls 0 --visibility "${pair%:*}" --tolerance 0.2 --certainty 0.25 --compare \
+        --json adaptive.json -o adaptive.exr
+    read_json adaptive.json
+    has_keys "${compared[@]}" error.mean_relative error.max_relative
+    figure_is mode "\"${pair#*:}\""
+    figure_is served "\"${pair#*:}\""
+    figure_is tolerance 0.2
+    figure_is certainty 0.25
+    ((${figure[mode_run.rays_traced]:-0} < ${figure[exact.rays]:-0} / 2)) || problem "$pair: many rays"
+done
+good conference-lights-7-diffuse --size 8x8 --vpls 0 --visibility adaptive --tolerance 0 --compare
+[[ $(<stdout) == *", 7 punctual lights"*$'\n'"adaptive: all "*" l_inf 0.000 %"* ]] || problem "no table of t = 0: $(<stdout)"
+good conference-lights --size 8x8 --vpls 0 --visibility adaptive --certainty 0 --shared
+[[ $(<stdout) == *$'\n'"adaptive 0.1 0 "* ]] || problem "no row of t = 0.1, c = 0: $(<stdout)"
+bad_scene conference-lights-0 "did you mean"
+bad_scene conference-lights-65537 built-in
+bad_scene conference-lights-24-sinking built-in
+finish "adaptive shadow testing"
 
 quiet_good cornell "${tiny[@]}" --compare --runs 2 --json runs.json
 read_json runs.json

@@ -17,6 +17,7 @@ typedef struct station {
     chunk chunk;
     visibility *visibility;
     estimator *estimator; /* NULL: visibility decides all */
+    adaptive *adaptive;   /* NULL: all lights are tested */
     caches caches;        /* unless shared */
     tile_pixels pixels;
     uint32_t *order; /* of eye samples */
@@ -32,6 +33,7 @@ typedef struct job {
     visibility_mode mode; /* that serves this frame: exact where the chosen one cannot pay */
     const vpl_set *vpls;
     caches shared;
+    vcache_adaptive *rates; /* NULL: not adaptive */
     station *stations;
     tile *tiles;
     size_t tile_count, stretch; /* tiles a task */
@@ -70,6 +72,11 @@ static tile *tiles_new(const settings *f, size_t *count)
     return tiles;
 }
 
+static bool asks_cache(visibility_mode mode)
+{
+    return mode != VISIBILITY_EXACT && mode != VISIBILITY_ADAPTIVE;
+}
+
 /* Eye samples in the order they are lit: for the cache by the Halton order of their pixels (Sect. 4.3), which decides
  * who speaks for a cell; for packets as they are. */
 static void sort_samples(const job *j, station *s)
@@ -79,7 +86,7 @@ static void sort_samples(const job *j, station *s)
         s->order_capacity = 2 * n;
         s->order = xrealloc(s->order, s->order_capacity * sizeof *s->order);
     }
-    if (j->mode == VISIBILITY_EXACT || s->aside) {
+    if (!asks_cache(j->mode) || s->aside) {
         for (size_t i = 0; i < n; i++)
             s->order[i] = (uint32_t)i;
         return;
@@ -160,7 +167,9 @@ static void prepare_station(job *j, station *s)
         s->estimator = estimator_new(j->v, j->vpls, c->all_set);
     s->lights = s->estimator ? &vpls_none : j->vpls; /* what is left to the chunk is exact then */
     chunk_new(&s->chunk, j->v, s->lights, s->estimator && estimator_punctual(j->v) ? 0 : j->v->scene->light_count);
-    s->visibility = visibility_new(j->v, s->lights, j->mode == VISIBILITY_CACHE ? c : NULL);
+    bool cached = j->mode == VISIBILITY_CACHE || j->mode == VISIBILITY_ADAPTIVE_CACHE;
+    s->visibility = visibility_new(j->v, s->lights, cached ? c : NULL);
+    s->adaptive = adaptive_new(j->v, s->lights, j->rates);
     s->ready = true;
 }
 
@@ -178,8 +187,12 @@ static void light_samples(job *j, station *s, size_t pass)
         for (uint32_t e = 0; e < c->count; e++)
             c->eyes[e] = &s->samples.items[s->order[i + e]];
         shade_unoccluded(j->v, s->lights, c);
-        visibility_resolve(s->visibility, c, &s->pixels);
-        shade_sum(s->lights, c, &s->pixels);
+        if (s->adaptive) {
+            adaptive_light(s->adaptive, s->visibility, c, &s->pixels);
+        } else {
+            visibility_resolve(s->visibility, c, &s->pixels);
+            shade_sum(s->lights, c, &s->pixels);
+        }
         if (s->estimator)
             estimator_light(s->estimator, c->eyes, c->count, &s->pixels);
         if (j->record)
@@ -241,7 +254,7 @@ static bool make_caches(job *j, int threads, message *err)
 
 bool uses_cache(visibility_mode mode)
 {
-    return mode != VISIBILITY_EXACT && mode != VISIBILITY_SELECT;
+    return asks_cache(mode) && mode != VISIBILITY_SELECT;
 }
 
 static void allocate(const settings *f, frame *out)
@@ -265,6 +278,11 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
 {
     const settings *f = &v->settings;
     memset(out, 0, sizeof *out);
+    if (adapts(f->visibility) && f->tolerance == 0.0f) {
+        view all = *v;
+        all.settings.visibility = f->visibility == VISIBILITY_ADAPTIVE ? VISIBILITY_EXACT : VISIBILITY_CACHE;
+        return frame_render(&all, title, quiet, record, check, out, err);
+    }
     job j = {.v = v, .record = record, .check = check, .out = out};
     allocate(f, out);
     double start = now();
@@ -284,15 +302,21 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
     j.mode = estimates(f->visibility) && !estimator_pays(v, &vpls) ? VISIBILITY_EXACT : f->visibility;
-    double ce = j.mode == VISIBILITY_EXACT ? 1.0 : (double)f->ce / sqrt(f->spp);
+    double ce = !asks_cache(j.mode) ? 1.0 : (double)f->ce / sqrt(f->spp);
     halton_order(TILE, TILE, ce, order, starts, &segments);
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
 
     lights->served = j.mode;
-    bool ok = j.mode == VISIBILITY_EXACT || make_caches(&j, threads, err);
+    bool ok = (!asks_cache(j.mode) || make_caches(&j, threads, err)) &&
+              (!adapts(j.mode) || adaptive_rates_new(v, &vpls, &j.rates, err));
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
+        station *first = &j.stations[0];
+        if (j.rates)
+            prepare_station(&j, first);
+        if (j.rates && !f->shared)
+            adaptive_learn(first->adaptive, first->visibility, &first->chunk);
         j.stretch = stretch_of(j.tile_count, threads);
         parallel_for(f->threads, (j.tile_count + j.stretch - 1) / j.stretch, render_stretch, &j);
         out->frame_s = now() - start;
@@ -314,6 +338,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
                 out->rays.traced += r.traced;
             }
             estimator_free(s->estimator);
+            adaptive_free(s->adaptive);
             visibility_free(s->visibility);
             chunk_free(&s->chunk);
         }
@@ -322,6 +347,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         caches_free(&s->caches);
     }
     caches_free(&j.shared);
+    vcache_adaptive_destroy(&j.rates);
     free(j.stations);
     free(j.tiles);
     vpls_free(&vpls);

@@ -8,6 +8,7 @@ typedef struct arguments {
     program_arguments common;
     int visibility, store, hash, cache_mb;
     bool shared;
+    bool select_given, adaptive_given; /* --select; --tolerance or --certainty */
     settings settings;
 } arguments;
 
@@ -22,6 +23,7 @@ static arguments defaults(void)
     s->refine_above = 0.5f;
     s->ce = -1.0f;
     s->ce_delta = -1.0f;
+    s->tolerance = s->certainty = -1.0f;
     s->cache = vcache_default_config();
     return a;
 }
@@ -45,9 +47,13 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "8 / sqrt(spp)", .help = "samples of emissive surfaces per eye path"},
         PROGRAM_OPTIONS_CAMERA(p),
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
-         .metavar = "MODE", .shown = "cache; with --select estimate", .help = "exact, cache or estimate"},
+         .metavar = "MODE", .shown = "cache", .help = "exact, cache, adaptive, adaptive-cache, estimate"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
          .shown = "all; estimate 96 / spp, 1 or more", .help = "lights drawn per eye path"},
+        {.name = "tolerance", .kind = OPTION_FLOAT, .value = &s->tolerance, .min = 0, .max = 1000, .metavar = "T",
+         .shown = "0.1", .help = "adaptive: lights are left untested below T of the light"},
+        {.name = "certainty", .kind = OPTION_FLOAT, .value = &s->certainty, .min = 0, .max = 1, .metavar = "C",
+         .shown = "0.5", .help = "adaptive: which share of the lights together, 0 for one"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
          .shown = "8; estimate 12", .help = "C_E of virtual lights: eye samples a cell side"},
         {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = 0, .max = 10000, .metavar = "X",
@@ -66,7 +72,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .help = "lights below X times the mean are not refined"},
         {.name = "cache-mb", .kind = OPTION_INT, .value = &a->cache_mb, .min = 1, .max = 16384,
          .help = "size of each cache in MiB"},
-        {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, .help = "one cache for all threads"},
+        {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, 
+         .help = "one cache for all threads; adaptive: hit rates at once"},
         {.name = "store", .kind = OPTION_CHOICE, .value = &a->store, .choices = store_names,
          .help = "answers as rows of light bits or as 32-bit words"},
         {.name = "hash", .kind = OPTION_CHOICE, .value = &a->hash, .choices = hash_names, .metavar = "H",
@@ -81,11 +88,15 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->spp = p->spp;
     s->threads = p->threads;
     s->seed = p->seed;
-    bool select = s->rays >= 0.0f;
+    const vcache_adaptive_config usual = vcache_adaptive_default_config();
+    a->adaptive_given = s->tolerance >= 0.0f || s->certainty >= 0.0f;
+    s->tolerance = s->tolerance < 0.0f ? usual.tolerance : s->tolerance;
+    s->certainty = s->certainty < 0.0f ? usual.certainty : s->certainty;
+    bool select = a->select_given = s->rays >= 0.0f;
     if (a->visibility < 0)
         a->visibility = select ? VISIBILITY_ESTIMATE : VISIBILITY_CACHE;
     s->visibility = (visibility_mode)a->visibility;
-    if (select && s->visibility != VISIBILITY_ESTIMATE)
+    if (select && !adapts(s->visibility) && s->visibility != VISIBILITY_ESTIMATE)
         s->visibility = s->visibility == VISIBILITY_CACHE ? VISIBILITY_SELECT_BY_CACHE : VISIBILITY_SELECT;
     s->shared = a->shared;
     s->words = a->store == 1;
@@ -102,8 +113,13 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
 }
 
 /* What whitted adds to program_check. */
-static bool check(const settings *s, message *err)
+static bool check(const arguments *a, message *err)
 {
+    const settings *s = &a->settings;
+    if (a->adaptive_given && !adapts(s->visibility))
+        return fail(err, "--tolerance and --certainty need --visibility adaptive or adaptive-cache");
+    if (a->select_given && adapts(s->visibility))
+        return fail(err, "--select draws lights: not with --visibility %s", visibility_names[s->visibility]);
     if (s->env_lights > 0 && s->env_samples > 0)
         return fail(err, "--env-lights stand for the environment: --env-samples must be 0");
     if (estimates(s->visibility) && (s->words || s->ce_delta > 0.0f || s->ce_samples > 0.0f))
@@ -135,7 +151,7 @@ int main(int argc, char *argv[])
     arguments a = defaults();
     message err = {0};
     options_status status = parse(&a, argc, argv, &err);
-    if (status != OPTIONS_OK || !program_check(&a.common, &err) || !check(&a.settings, &err))
+    if (status != OPTIONS_OK || !program_check(&a.common, &err) || !check(&a, &err))
         return program_stop(&a.common, status, &err);
     whitted w = {.view = {.settings = a.settings}};
     view *v = &w.view;

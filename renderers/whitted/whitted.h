@@ -5,12 +5,14 @@
  *   eye_paths.c   traces eye paths into a deep buffer of samples that want light,
  *   shade.c       pairs each of them with virtual point lights, punctual lights and light samples (direct.c),
  *   visibility.c  decides which pairs see each other, by packets of rays or by the cache,
+ *   adaptive.c    or which of them are worth deciding,
  * and the visible contributions are summed. frame.c runs the tiles on all cores, renderers/common/comparison.c sets two
  * frames side by side.
  */
 #ifndef WHITTED_H
 #define WHITTED_H
 
+#include "vcache/adaptive.h"
 #include "vcache/vcache.h"
 
 #include "../common/emitters.h"
@@ -32,6 +34,8 @@ enum {
 typedef enum visibility_mode {
     VISIBILITY_EXACT,
     VISIBILITY_CACHE,
+    VISIBILITY_ADAPTIVE,       /* what would bring much is traced, the rest added by its hit rate */
+    VISIBILITY_ADAPTIVE_CACHE, /* what would bring much goes through the cache */
     /* virtual and punctual lights by few rays, without bias: */
     VISIBILITY_ESTIMATE,        /* the cache as control variate, rays where that is uncertain */
     VISIBILITY_SELECT,          /* no cache; lights drawn by what they would bring unoccluded */
@@ -56,7 +60,8 @@ typedef struct settings {
     float ce_samples;    /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
     bool words;          /* all answers in the table of 32-bit words instead of rows of light bits */
-    bool shared;         /* one cache for all threads instead of one each */
+    bool shared; /* one cache for all threads instead of one each; hit rates learnt on the way, by all at once */
+    float tolerance, certainty; /* t and c of adaptive shadow testing; t = 0: all are tested, as without it */
 } settings;
 
 /* ------------------------------------------------------------------------------------------------ lights (vpl.c) */
@@ -135,6 +140,27 @@ typedef struct light_sample {
     rgb value; /* unoccluded contribution to the pixel */
 } light_sample;
 
+/* Punctual lights as seen by whoever is lit (punctual.c): one array a component, padded with lights of no power. */
+typedef struct punctual_set {
+    uint32_t count, padded;
+    float *x, *y, *z;    /* position; of directional lights the direction to them */
+    float *dx, *dy, *dz; /* the way a spot light shines */
+    float *finite;       /* 0: directional, else 1 */
+    float *slope, *rise; /* fall-off: cosine * slope + rise, in 0 ... 1, to the power of `power` */
+    uint32_t *power;
+    float *r, *g, *b; /* intensity, or irradiance */
+} punctual_set;
+
+/* The first `count` lights of a scene. */
+punctual_set punctuals_new(const scene *s, uint32_t count);
+void punctuals_free(punctual_set *l);
+/* cos fall-off / r^2 of each light at an eye sample, padded; 0 where nothing arrives or nothing of it is reflected. */
+void punctuals_geometry(const punctual_set *l, const eye_sample *e, float *out);
+/* Position, or direction to it. */
+vec3 punctuals_target(const punctual_set *l, uint32_t i, bool *infinite);
+/* BRDF of the eye sample times intensity of light i. */
+rgb punctuals_response(const punctual_set *l, const eye_sample *e, uint32_t i);
+
 /* Pairs of the eye samples of a chunk with one kind of light: bit i of a row is light i. */
 typedef struct pair_bits {
     uint32_t lights, words; /* 64-bit words a row */
@@ -148,11 +174,12 @@ typedef struct chunk {
     const eye_sample *eyes[CHUNK];
     uint32_t count;
     pair_bits bits[LIGHT_GROUPS];
-    float *geometry;        /* [CHUNK][vpls.padded]: cos cos / r^2 of each virtual point light */
-    float *contribution;    /* scratch of one eye sample */
-    light_sample *punctual; /* [CHUNK][lights] */
-    light_sample *sampled;  /* [CHUNK][samples] */
-    float *sampled_density; /* of the samples, per unit area or steradian */
+    float *geometry;              /* [CHUNK][vpls.padded]: cos cos / r^2 of each virtual point light */
+    float *contribution, *weight; /* scratch of one eye sample */
+    punctual_set punctual;
+    float *punctual_geometry; /* [CHUNK][punctual.padded]: the same of each punctual light */
+    light_sample *sampled;    /* [CHUNK][samples] */
+    float *sampled_density;   /* of the samples, per unit area or steradian */
     vec3 *sampled_normal;
     bool reflects[CHUNK]; /* false: black, asks for nothing */
     rgb material[CHUNK];  /* what the material's own sample found: a traced path, no shadow ray */
@@ -173,6 +200,9 @@ void chunk_free(chunk *c);
 void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c);
 /* Adds what is visible to the pixels. Sums in the order of lights, whatever the order of tracing was. */
 void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels);
+/* What one eye sample adds to its pixel where each light is seen as far as its weight says (0 ... 1); rows padded to
+ * 64, with anything finite behind the last light. */
+rgb shade_weighted(const vpl_set *vpls, const chunk *c, uint32_t e, const float *const weight[LIGHT_GROUPS]);
 
 /* For one eye sample: the geometry of each virtual point light, and times `power` (its luminance, say), into `out`; all
  * padded. Returns how many are above 0. */
@@ -225,12 +255,35 @@ void caches_free(caches *c);
 /* `used` is NULL for exact visibility. */
 visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *used);
 void visibility_free(visibility *o);
+/* The same in parts: counts and prepares, then decides as often as the asked bits are set anew, the visible ones
+ * cleared. */
+void visibility_begin(visibility *o, chunk *c, tile_pixels *pixels);
+void visibility_test(visibility *o, chunk *c, tile_pixels *pixels);
 /* Before each pass over a tile. True where it is to be exact: of what was asked of the cache last, so much had to be
  * traced that packets of all of it are faster. Decided from counts alone. */
 bool visibility_steps_aside(visibility *o);
 /* Sets the visible bits of the chunk. */
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
+/* packed.c: traces what is asked for, where that is little; returns the number of rays, and counts those of each pixel.
+ */
+uint64_t packed_trace(const tracer *t, const vpl_set *vpls, chunk *c, tile_pixels *pixels);
+
+/* -------------------------------------------------------------------------------------------- adaptive (adaptive.c) */
+
+/* Whether a mode tests lights in the order of what they bring. */
+bool adapts(visibility_mode mode);
+/* Hit rates of a frame's lights, for all threads; *out is NULL without lights. */
+bool adaptive_rates_new(const view *v, const vpl_set *vpls, vcache_adaptive **out, message *err);
+/* One thread's means of choosing what is tested; NULL where there are no rates. */
+typedef struct adaptive adaptive;
+adaptive *adaptive_new(const view *v, const vpl_set *vpls, vcache_adaptive *rates);
+void adaptive_free(adaptive *o);
+/* Learns hit rates at some points all over the image, while no other thread uses them. `c` is scratch. */
+void adaptive_learn(adaptive *o, visibility *by, chunk *c);
+/* The light of a chunk, of which shade_unoccluded knows what it would be at most: tests what matters by `by` and adds
+ * all to the pixels. */
+void adaptive_light(adaptive *o, visibility *by, chunk *c, tile_pixels *pixels);
 
 /* ------------------------------------------------------------------------------------------- estimate (estimator.c) */
 
