@@ -263,6 +263,8 @@ static void trace(grid_station *o, const vcache_grid_ray *rays, uint32_t count)
     const grid_scene *g = o->scene;
     const light *lights = g->view->scene->lights;
     ray_packet *p = &o->packet;
+    /* Where few rays are left they are the hard ones, and near each other they do not run together. */
+    bool coherent = g->config.order == VCACHE_GRID_TRUE;
     for (uint32_t first = 0; first < count;) {
         uint32_t n = 0, same = rays[first].light;
         vec3 direction = v3_neg(lights[g->light[same]].direction);
@@ -271,7 +273,7 @@ static void trace(grid_station *o, const vcache_grid_ray *rays, uint32_t count)
             aim(p, n, o->origin[pixel], direction);
             o->traced[pixel]++;
         }
-        uint32_t blocked = tracer_occluded16(g->view->tracer, p, (1u << n) - 1u, true);
+        uint32_t blocked = tracer_occluded16(g->view->tracer, p, (1u << n) - 1u, coherent);
         for (uint32_t k = 0; k < n; k++)
             o->answers[first + k] = blocked >> k & 1u ? VCACHE_BLOCKED : VCACHE_VISIBLE;
         first += n;
