@@ -75,7 +75,7 @@ static void decide(reference *r, uint32_t pixel, const uint32_t *informers, uint
             blockers += !w->below[at] && !r->visible[at];
         }
         if (r->f->boundary)
-            predicted[i] = (float)blockers > r->f->threshold ? BLOCKED : VISIBLE;
+            predicted[i] = (float)blockers > r->f->threshold || blockers == count ? BLOCKED : VISIBLE;
         else
             predicted[i] = unknown || (blockers > 0 && blockers < count) ? UNCERTAIN : blockers ? BLOCKED : VISIBLE;
         first[i] = predicted[i] == UNCERTAIN || (r->f->boundary && unknown);

@@ -83,7 +83,8 @@ typedef struct vcache_grid_config {
     uint32_t rounds;  /* of flooding at most, each one light further; default 0: as many as it takes */
     uint32_t bright;  /* boundary flooding for that many of the most energetic lights (Sect. 7); default 0 */
     uint32_t spacing; /* of the coarsest lattice, pixels; a power of two, 2 ... 64, default 16 */
-    float threshold;  /* boundary: blockers in a cell above which it is taken for blocked, 0 ... 3.99, default 0.99 */
+    float threshold;  /* boundary: a cell with more blockers than that is taken for blocked, 0 ... 3.99, default
+                         0.99; without warping also one that all informing pixels call blocked */
     uint32_t rays;    /* in one batch, at least the number of lights; default 16384 */
     vcache_allocator allocator; /* default: the C library's */
 } vcache_grid_config;

@@ -328,7 +328,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
     j.mode = estimates(f->visibility) && !estimator_pays(v, &vpls) ? VISIBILITY_EXACT : f->visibility;
-    double ce = j.mode == VISIBILITY_EXACT ? 1.0 : (double)f->ce / sqrt(f->spp);
+    double ce = j.mode == VISIBILITY_EXACT || j.mode == VISIBILITY_GRID ? 1.0 : (double)f->ce / sqrt(f->spp);
     halton_order(TILE, TILE, ce, order, starts, &segments);
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
