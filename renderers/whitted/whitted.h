@@ -44,8 +44,7 @@ typedef struct settings {
     int spp;
     int vpls;
     int env_samples, light_samples; /* per eye sample; with one more drawn by the material */
-    int env_lights; /* the environment is also this many of the scene's directional lights (direct_environment_lights)
-                     */
+    int env_lights; /* the environment is also this many of the scene's directional lights */
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
@@ -191,9 +190,6 @@ void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t
 rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 
 /* direct.c */
-/* Adds `count` directional lights that stand for the scene's environment, the same for all eye samples: drawn by its
- * radiance, each with its share of the whole. Before scene_finish. */
-void direct_environment_lights(scene *s, int count);
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
 /* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. */
