@@ -238,6 +238,22 @@ static void test_sun_has_lights_of_its_own(void **state)
     environment_free(e);
 }
 
+/* Two strata: lights by light times the fourth root of the solid angle. */
+static void test_shares(void **state)
+{
+    (void)state;
+    image map = plain_map(128, 64, v3(1, 1, 1));
+    patch(&map, 30, 20, 16, 8, v3(100, 100, 100));
+    environment *e = from(map);
+    double extent = 2 * pi * 16 / 128 * (cos(pi * 20 / 64) - cos(pi * 28 / 64)), rest = 4 * pi - extent;
+    double bright = 100 * extent * pow(extent, 0.25), dim = rest * pow(rest, 0.25);
+    uint32_t n = make(e, 400), there = 0;
+    for (uint32_t i = 0; i < n; i++)
+        there += environment_radiance(e, lights[i].direction).x > 50.0f;
+    assert_true(fabs(there - 400 * bright / (bright + dim)) <= 1.0);
+    environment_free(e);
+}
+
 static void check_even(const environment *e)
 {
     static const uint32_t counts[] = {6, 50, 400, MOST};
@@ -336,6 +352,7 @@ static void test_converges(void **state)
         double error = error_of(out, whole);
         for (uint64_t seed = 0; seed < 8; seed++)
             random += error_of_random(e, n, whole, seed) / 8;
+        print_message("%u lights: error %.4f, random ones %.4f\n", n, error, random);
         if (!(error < 0.7 * last && error < 0.5 * random))
             fail_msg("%u lights: error %.4f, of fewer lights %.4f, of random ones %.4f", n, error, last, random);
         last = error;
@@ -353,6 +370,7 @@ int main(void)
         cmocka_unit_test(test_deterministic),
         cmocka_unit_test(test_rotated),
         cmocka_unit_test(test_sun_has_lights_of_its_own),
+        cmocka_unit_test(test_shares),
         cmocka_unit_test(test_even),
         cmocka_unit_test(test_converges),
     };
