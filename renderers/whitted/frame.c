@@ -17,6 +17,8 @@ typedef struct station {
     chunk chunk;
     visibility *visibility;
     estimator *estimator; /* NULL: visibility decides all */
+    grid_station *grid;   /* NULL: no lights by the grid */
+    const tile *tile;     /* of the grid's block */
     caches caches;        /* unless shared */
     tile_pixels pixels;
     uint32_t *order; /* of eye samples */
@@ -32,6 +34,8 @@ typedef struct job {
     visibility_mode mode; /* that serves this frame: exact where the chosen one cannot pay */
     const vpl_set *vpls;
     caches shared;
+    grid_scene *grid;
+    uint32_t *tile_order; /* of the grid: tile by row and column */
     station *stations;
     tile *tiles;
     size_t tile_count, stretch; /* tiles a task */
@@ -79,7 +83,7 @@ static void sort_samples(const job *j, station *s)
         s->order_capacity = 2 * n;
         s->order = xrealloc(s->order, s->order_capacity * sizeof *s->order);
     }
-    if (j->mode == VISIBILITY_EXACT || s->aside) {
+    if (j->mode == VISIBILITY_EXACT || j->mode == VISIBILITY_GRID || s->aside) {
         for (size_t i = 0; i < n; i++)
             s->order[i] = (uint32_t)i;
         return;
@@ -178,7 +182,10 @@ static void light_samples(job *j, station *s, size_t pass)
         for (uint32_t e = 0; e < c->count; e++)
             c->eyes[e] = &s->samples.items[s->order[i + e]];
         shade_unoccluded(j->v, s->lights, c);
-        visibility_resolve(s->visibility, c, &s->pixels);
+        if (s->grid)
+            grid_resolve(s->grid, s->visibility, s->tile, c, &s->pixels);
+        else
+            visibility_resolve(s->visibility, c, &s->pixels);
         shade_sum(s->lights, c, &s->pixels);
         if (s->estimator)
             estimator_light(s->estimator, c->eyes, c->count, &s->pixels);
@@ -207,6 +214,26 @@ static void render_tile(void *context, int thread, size_t index)
     }
     copy_out(j, t, &s->pixels);
     progress_add(j->progress, (uint64_t)t.width * t.height);
+}
+
+static void render_block(void *context, int thread, size_t index)
+{
+    job *j = context;
+    station *s = &j->stations[thread];
+    if (!s->ready)
+        prepare_station(j, s);
+    grid_tile *tiles;
+    uint32_t count = grid_block(s->grid, (uint32_t)index, &tiles, &s->shade_s);
+    eye_samples own = s->samples;
+    for (uint32_t k = 0; k < count; k++) {
+        s->tile = &tiles[k].tile;
+        s->samples = tiles[k].samples;
+        s->pixels = *tiles[k].pixels;
+        light_samples(j, s, j->tile_order[s->tile->index]);
+        copy_out(j, *s->tile, &s->pixels);
+        progress_add(j->progress, (uint64_t)s->tile->width * s->tile->height);
+    }
+    s->samples = own;
 }
 
 /* Tasks are squares of tiles: cells on the border of two threads' tiles are traced by both. Enough tasks must be left
@@ -239,9 +266,26 @@ static bool make_caches(job *j, int threads, message *err)
     return true;
 }
 
+/* Without directional lights there is nothing for the grid to decide. */
+static bool make_grid(job *j, int threads, message *err)
+{
+    if (!grid_scene_new(j->v, &j->grid, err))
+        return false;
+    if (grid_light_count(j->grid) == 0)
+        j->mode = VISIBILITY_EXACT;
+    uint32_t across = (j->v->settings.width + TILE - 1) / TILE;
+    j->tile_order = xmalloc(j->tile_count * sizeof *j->tile_order);
+    for (uint32_t i = 0; i < j->tile_count; i++)
+        j->tile_order[j->tiles[i].y / TILE * across + j->tiles[i].x / TILE] = i;
+    for (int i = 0; i < threads && j->mode == VISIBILITY_GRID; i++)
+        if (!grid_station_new(j->grid, &j->stations[i].grid, err))
+            return false;
+    return true;
+}
+
 bool uses_cache(visibility_mode mode)
 {
-    return mode != VISIBILITY_EXACT && mode != VISIBILITY_SELECT;
+    return mode != VISIBILITY_EXACT && mode != VISIBILITY_GRID && mode != VISIBILITY_SELECT;
 }
 
 static void allocate(const settings *f, frame *out)
@@ -272,7 +316,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     out->lights_s = now() - start;
     j.vpls = &vpls;
     frame_lights *lights = out->extra = xmalloc(sizeof *lights);
-    *lights = (frame_lights){vpls.count, v->scene->light_count, direct_sample_count(v), f->visibility};
+    *lights = (frame_lights){.vpls = vpls.count, .punctual = v->scene->light_count, .samples = direct_sample_count(v)};
 
     int threads = parallel_thread_count(f->threads);
     j.stations = xcalloc((size_t)threads, sizeof *j.stations);
@@ -289,12 +333,16 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
 
+    bool ok = j.mode == VISIBILITY_GRID ? make_grid(&j, threads, err)
+                                        : j.mode == VISIBILITY_EXACT || make_caches(&j, threads, err);
     lights->served = j.mode;
-    bool ok = j.mode == VISIBILITY_EXACT || make_caches(&j, threads, err);
     if (ok) {
         j.progress = progress_new(title, (uint64_t)f->width * f->height, quiet);
         j.stretch = stretch_of(j.tile_count, threads);
-        parallel_for(f->threads, (j.tile_count + j.stretch - 1) / j.stretch, render_stretch, &j);
+        if (j.mode == VISIBILITY_GRID)
+            parallel_for(f->threads, grid_blocks(j.grid), render_block, &j);
+        else
+            parallel_for(f->threads, (j.tile_count + j.stretch - 1) / j.stretch, render_stretch, &j);
         out->frame_s = now() - start;
         out->complete = !interrupted();
         progress_free(j.progress);
@@ -313,6 +361,11 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
                 out->rays.asked += r.asked;
                 out->rays.traced += r.traced;
             }
+            if (s->grid) {
+                r = grid_counts(s->grid, &lights->grid);
+                out->rays.asked += r.asked;
+                out->rays.traced += r.traced;
+            }
             estimator_free(s->estimator);
             visibility_free(s->visibility);
             chunk_free(&s->chunk);
@@ -320,7 +373,10 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         free(s->samples.items);
         free(s->order);
         caches_free(&s->caches);
+        grid_station_free(s->grid);
     }
+    grid_scene_free(j.grid);
+    free(j.tile_order);
     caches_free(&j.shared);
     free(j.stations);
     free(j.tiles);

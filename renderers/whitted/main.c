@@ -9,6 +9,7 @@
 typedef struct arguments {
     program_arguments common;
     int visibility, store, hash, cache_mb;
+    const char *grid; /* NAME of --visibility grid=NAME */
     bool shared;
     settings settings;
 } arguments;
@@ -47,7 +48,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "8 / sqrt(spp)", .help = "samples of emissive surfaces per eye path"},
         PROGRAM_OPTIONS_CAMERA(p),
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
-         .metavar = "MODE", .shown = "cache; with --select estimate", .help = "exact, cache or estimate"},
+         .detail = &a->grid, .metavar = "MODE", .shown = "cache; with --select estimate",
+         .help = "exact, cache, estimate, grid or grid=NAME"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
          .shown = "all; estimate 96 / spp, 1 or more", .help = "lights drawn per eye path"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
@@ -100,6 +102,9 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->light_samples = s->light_samples < 0 ? samples : s->light_samples;
     c->hash = (vcache_hash)a->hash; /* in the order of hash_names */
     c->table_bytes = (uint64_t)a->cache_mb << 20;
+    s->lattice = s->visibility == VISIBILITY_GRID;
+    if (status == OPTIONS_OK && s->lattice && !grid_parse(a->grid, s, err))
+        status = OPTIONS_ERROR;
     return status;
 }
 
@@ -108,6 +113,8 @@ static bool check(const settings *s, message *err)
 {
     if (s->env_lights > 0 && s->env_samples > 0)
         return fail(err, "--env-lights stand for the environment: --env-samples must be 0");
+    if (s->lattice && !grid_samples_fit(s->spp))
+        return fail(err, "--visibility grid: --spp must be a square, at most %d", PASS);
     if (estimates(s->visibility) && (s->words || s->ce_delta > 0.0f || s->ce_samples > 0.0f))
         return fail(err, "%s does without --store words, --ce-delta and --ce-samples",
                     s->visibility == VISIBILITY_ESTIMATE ? "--visibility estimate" : "--select");

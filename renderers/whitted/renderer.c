@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "renderer.h"
 
-const char *const visibility_names[] = {"exact", "cache", "estimate", NULL};
+const char *const visibility_names[] = {"exact", "cache", "grid[=NAME]", "estimate", NULL};
 const char *const store_names[] = {"rows", "words", NULL};
 const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
-static const char *const mode_names[VISIBILITY_MODES] = {"exact", "cache", "estimate", "selection", "cached-selection"};
+static const char *const mode_names[VISIBILITY_MODES] = {"exact", "cache", "grid", "estimate", "selection",
+                                                    "cached-selection"};
 
 static const settings *settings_of(const void *context)
 {
@@ -74,6 +75,21 @@ static void json(const void *context, const frame *f, cJSON *out)
     json_add_number(out, "cache_mb", (double)(s->cache.table_bytes >> 20));
 }
 
+static void json_run(const void *context, const frame *f, cJSON *out)
+{
+    const grid_figures *g = &lights_of(f)->grid;
+    (void)context;
+    if (lights_of(f)->served != VISIBILITY_GRID)
+        return;
+    json_add_number(out, "rays_s", g->rays_s);
+    json_add_number(out, "rays_coarse", (double)g->coarse);
+    json_add_number(out, "rays_silhouette", (double)g->silhouette);
+    json_add_number(out, "rays_uncertain", (double)g->uncertain);
+    json_add_number(out, "rays_flooded", (double)g->flooded);
+    json_add_number(out, "surprises", (double)g->surprises);
+    json_add_number(out, "batches", (double)g->batches);
+}
+
 static void texts(const void *context, const frame *f, bool exact, image_texts *out)
 {
     const settings *s = settings_of(context);
@@ -119,5 +135,6 @@ renderer whitted_renderer(whitted *w, bool compare)
                       .name = name,
                       .heading = heading,
                       .json = json,
+                      .json_run = json_run,
                       .texts = texts};
 }

@@ -123,6 +123,20 @@ float shade_geometry(const vpl_set *l, const eye_sample *e, uint32_t i)
     return lit ? eye * away / (r2 * float_max(r2, l->clamp)) : 0.0f;
 }
 
+CLONES static void cosines(const float *restrict x, const float *restrict y, const float *restrict z, uint32_t count,
+                           vec3 n, vec3 g, float *restrict out)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        float a = n.x * x[i] + n.y * y[i] + n.z * z[i], b = g.x * x[i] + g.y * y[i] + g.z * z[i];
+        out[i] = a < b ? a : b;
+    }
+}
+
+void shade_cosines(const float *x, const float *y, const float *z, uint32_t count, const surface *s, float *out)
+{
+    cosines(x, y, z, count, s->normal, s->geometric_normal, out);
+}
+
 CLONES static void bytes_above(const float *restrict values, float bound, uint8_t *restrict bytes)
 {
     for (uint32_t i = 0; i < 64; i++)

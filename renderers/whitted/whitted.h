@@ -11,6 +11,7 @@
 #ifndef WHITTED_H
 #define WHITTED_H
 
+#include "vcache/grid.h"
 #include "vcache/vcache.h"
 
 #include "../common/emitters.h"
@@ -32,6 +33,7 @@ enum {
 typedef enum visibility_mode {
     VISIBILITY_EXACT,
     VISIBILITY_CACHE,
+    VISIBILITY_GRID, /* directional lights by the coherence of neighbouring pixels (vcache/grid.h) */
     /* virtual and punctual lights by few rays, without bias: */
     VISIBILITY_ESTIMATE,        /* the cache as control variate, rays where that is uncertain */
     VISIBILITY_SELECT,          /* no cache; lights drawn by what they would bring unoccluded */
@@ -48,6 +50,9 @@ typedef struct settings {
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
+    bool lattice;            /* eye paths at the middles of k x k squares of their pixel, spp = k^2, at most PASS */
+    vcache_grid_config grid; /* but for `pixels` and `rays` */
+    uint32_t grid_block;     /* lattice pixels a side; 0: the whole image */
     float rays;          /* mean per eye sample, where few are traced */
     float ce;            /* C_E of virtual point lights; of the finest cells where few rays are traced */
     float refine_above;  /* virtual point lights below this times the eye sample's mean contribution are not refined */
@@ -89,6 +94,8 @@ extern const vpl_set vpls_none;
 
 /* ------------------------------------------------------------------------------------------ eye paths (eye_paths.c) */
 
+#define PLACE_NONE UINT32_MAX
+
 /* Last vertex of an eye path: a non-specular surface point that is to be lit. */
 typedef struct eye_sample {
     surface surface;
@@ -96,6 +103,7 @@ typedef struct eye_sample {
     rgb weight;      /* of radiance towards wo in the pixel */
     float density;   /* eye samples per unit area */
     uint32_t pixel;  /* in the tile */
+    uint32_t place;  /* number of the path in its pixel; PLACE_NONE: behind specular surfaces */
     uint64_t random; /* index of its random numbers */
 } eye_sample;
 
@@ -186,6 +194,8 @@ float shade_total(const float *values, uint32_t count);
 void shade_lift(float *values, uint32_t count, float least);
 /* Bit i of `bits` says whether values[i] > bound; 64 * words values. */
 void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t *bits);
+/* Cosines of `count` directions (a multiple of 64) with the normal, or with the geometric one where that is less. */
+void shade_cosines(const float *x, const float *y, const float *z, uint32_t count, const surface *s, float *out);
 /* BRDF of the eye sample times power of light i. */
 rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 
@@ -244,6 +254,46 @@ void estimator_free(estimator *o);
 void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels);
 ray_counts estimator_counts(const estimator *o);
 
+/* --------------------------------------------------------------------------------------------- grid coherence (grid.c)
+ */
+
+/* Reads what follows --visibility grid= (NULL: nothing): a mode of vcache_grid_parse_mode, and block=N. */
+bool grid_parse(const char *text, settings *f, message *err);
+/* Whether so many eye paths per pixel make a lattice. */
+bool grid_samples_fit(int spp);
+
+/* The scene's directional lights, their cells, and how the image is cut into blocks of tiles. */
+typedef struct grid_scene grid_scene;
+/* *out is to be freed in any case. Nothing but grid_light_count may be asked of one without lights. */
+bool grid_scene_new(const view *v, grid_scene **out, message *err);
+void grid_scene_free(grid_scene *g);
+uint32_t grid_light_count(const grid_scene *g);
+uint32_t grid_blocks(const grid_scene *g);
+
+typedef struct grid_tile {
+    tile tile; /* its index: by row and column */
+    eye_samples samples;
+    tile_pixels *pixels;
+} grid_tile;
+
+/* What one thread needs. */
+typedef struct grid_station grid_station;
+/* *out is to be freed in any case. */
+bool grid_station_new(const grid_scene *g, grid_station **out, message *err);
+void grid_station_free(grid_station *o);
+/* Traces the eye paths of a block and decides its directional lights. Returns the number of its tiles, and adds the
+ * time that the lights took. */
+uint32_t grid_block(grid_station *o, uint32_t index, grid_tile **tiles, double *seconds);
+/* Sets the visible bits of a chunk of a tile of that block; lights that are not decided go to `others`. */
+void grid_resolve(grid_station *o, visibility *others, const tile *t, chunk *c, tile_pixels *pixels);
+
+/* Of a frame: seconds of all threads in tracing decided lights; their rays as of vcache_grid_statistics. */
+typedef struct grid_figures {
+    double rays_s;
+    uint64_t coarse, silhouette, uncertain, flooded, surprises, batches, bytes;
+} grid_figures;
+ray_counts grid_counts(const grid_station *o, grid_figures *add);
+
 /* ------------------------------------------------------------------------------------------------- frame (frame.c) */
 
 /* Exact visibility of every pair of a frame, to count mispredictions with. */
@@ -256,6 +306,7 @@ typedef struct truth {
 typedef struct frame_lights {
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
+    grid_figures grid;
 } frame_lights;
 
 static inline const frame_lights *lights_of(const frame *f)
