@@ -242,10 +242,10 @@ static void test_sun_has_lights_of_its_own(void **state)
 static void test_shares(void **state)
 {
     (void)state;
-    image map = plain_map(128, 64, v3(1, 1, 1));
-    patch(&map, 30, 20, 16, 8, v3(100, 100, 100));
+    image map = plain_map(512, 256, v3(1, 1, 1)); /* so many pixels are taken one by one */
+    patch(&map, 120, 80, 64, 32, v3(100, 100, 100));
     environment *e = from(map);
-    double extent = 2 * pi * 16 / 128 * (cos(pi * 20 / 64) - cos(pi * 28 / 64)), rest = 4 * pi - extent;
+    double extent = 2 * pi * 64 / 512 * (cos(pi * 80 / 256) - cos(pi * 112 / 256)), rest = 4 * pi - extent;
     double bright = 100 * extent * pow(extent, 0.25), dim = rest * pow(rest, 0.25);
     uint32_t n = make(e, 400), there = 0;
     for (uint32_t i = 0; i < n; i++)
