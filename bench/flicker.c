@@ -9,8 +9,8 @@
  * signed difference, with its 99.9th percentile, mean and largest over the frames; `light`: l_inf of the exact frames'
  * own change.
  */
-#include "renderers/common/image.h"
-#include "renderers/common/metrics.h"
+#include "../renderers/common/image.h"
+#include "../renderers/common/metrics.h"
 
 #include <stdio.h>
 
