@@ -2,12 +2,10 @@
 /*
  * Cells of the lights: the Voronoi diagram of their directions over the whole sphere (Sect. 3, Fig. 2).
  *
- * The paper draws it into a map of one resolution and takes what touches there for neighbours. Samples of a sun are a
- * thousand times nearer to each other than those of the sky, and no one resolution serves both: here the octahedral map
- * is a quadtree. A square keeps the lights that may be nearest somewhere in it, and is divided until it is small beside
- * the distance of its two nearest lights; there these two touch. So every border of cells that is longer than a few
- * hundredths of the distances around it is found, and none that is not there (the light that is second nearest anywhere
- * is a neighbour of the nearest).
+ * The paper draws it into a map and takes what touches there for neighbours. Samples of a sun are a thousand times
+ * nearer to each other than those of the sky, so that no one resolution serves both. Here neighbours are exact: cells
+ * touch where the convex hull of the directions has an edge (Brown 1979). The octahedral map only says where to begin:
+ * from there one goes from neighbour to neighbour to the nearest light, which needs no resolution either.
  */
 #include "grid_internal.h"
 
@@ -18,8 +16,6 @@
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #endif
-
-enum { DEPTH_MAX = 26, TOP = 8 }; /* TOP: squares a side to begin with; edges of the octahedron's faces are on theirs */
 
 /* Lights nearer than this (radians) are one. */
 #define COINCIDENT 1e-5
@@ -54,43 +50,167 @@ static void join(vcache_grid_lights *l, uint32_t a, uint32_t b)
     l->neighbours[(size_t)b * l->words + a / 64] |= (uint64_t)1 << a % 64;
 }
 
-/* Depth first: `candidates` has room for those of the squares below. */
-static void divide(vcache_grid_lights *l, double s, double t, double side, uint16_t *candidates, uint32_t count,
-                   double *distance, int depth)
+/* ------------------------------------------------------------------------------------------------------- the hull */
+
+typedef struct face {
+    double normal[3], offset; /* outside: normal . p > offset */
+    uint16_t corner[3];       /* counter-clockwise from outside */
+} face;
+
+typedef struct hull {
+    const vcache_grid_lights *lights;
+    double (*point)[3]; /* by light */
+    face *faces;
+    uint32_t count;
+    uint64_t *edges; /* [lights][words]: bit b of row a where a face that goes has the edge from a to b */
+    uint16_t *open;  /* those left open, two lights each */
+} hull;
+
+static double dot(const double a[3], const double b[3])
 {
-    double middle[3], corner[3], radius = 0.0, first = DBL_MAX, second = DBL_MAX;
-    uint32_t nearest = 0, other = 0;
-    octahedral_direction(s + 0.5 * side, t + 0.5 * side, middle);
-    for (int i = 0; i < 4; i++) {
-        octahedral_direction(s + side * (i & 1), t + side * (i >> 1), corner);
-        double x = corner[0] - middle[0], y = corner[1] - middle[1], z = corner[2] - middle[2];
-        double r = sqrt(x * x + y * y + z * z);
-        radius = r > radius ? r : radius;
-    }
-    radius *= 1.01; /* sides are great circles, or bulge by less */
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t k = candidates[i];
-        double d = distance[i] = distance_of(middle, l->direction + 3 * (size_t)k);
-        if (d < first)
-            second = first, other = nearest, first = d, nearest = k;
-        else if (d < second)
-            second = d, other = k;
-    }
-    uint32_t kept = 0;
-    uint16_t *next = candidates + count;
-    for (uint32_t i = 0; i < count; i++)
-        if (distance[i] <= first + 2.0 * radius)
-            next[kept++] = candidates[i];
-    if (kept < 2)
-        return;
-    double scale = apart(l->direction + 3 * (size_t)nearest, l->direction + 3 * (size_t)other) + 0.1 * first;
-    if (depth == DEPTH_MAX || radius < 0.04 * scale) {
-        join(l, nearest, other);
-        return;
-    }
-    for (int i = 0; i < 4; i++)
-        divide(l, s + 0.5 * side * (i & 1), t + 0.5 * side * (i >> 1), 0.5 * side, next, kept, distance, depth + 1);
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
+
+static void add_face(hull *h, uint32_t a, uint32_t b, uint32_t c)
+{
+    const double *p = h->point[a], *q = h->point[b], *r = h->point[c];
+    double u[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]}, v[3] = {r[0] - p[0], r[1] - p[1], r[2] - p[2]};
+    face f = {.normal = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]},
+              .corner = {(uint16_t)a, (uint16_t)b, (uint16_t)c}};
+    f.offset = dot(f.normal, p);
+    h->faces[h->count++] = f;
+}
+
+static bool sees(const double p[3], const double from[3], const face *f)
+{
+    /* differences first: lights of a sun lie close together, and far from the centre */
+    const double d[3] = {p[0] - from[0], p[1] - from[1], p[2] - from[2]};
+    return dot(f->normal, d) > 0.0;
+}
+
+static uint64_t *edge_word(const hull *h, uint32_t a, uint32_t b)
+{
+    return h->edges + (size_t)a * h->lights->words + b / 64;
+}
+
+/* Faces that see the point give way to those from their rim to it. */
+static void add_point(hull *h, uint32_t light)
+{
+    const double *p = h->point[light];
+    uint32_t visible = 0, open = 0;
+    for (uint32_t i = 0; i < h->count; i++)
+        if (sees(p, h->point[h->faces[i].corner[0]], &h->faces[i])) {
+            face f = h->faces[i];
+            h->faces[i] = h->faces[visible];
+            h->faces[visible++] = f;
+        }
+    for (uint32_t i = 0; i < visible; i++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = h->faces[i].corner[k], b = h->faces[i].corner[(k + 1) % 3];
+            *edge_word(h, a, b) |= (uint64_t)1 << b % 64;
+        }
+    for (uint32_t i = 0; i < visible; i++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = h->faces[i].corner[k], b = h->faces[i].corner[(k + 1) % 3];
+            if (*edge_word(h, b, a) >> a % 64 & 1u)
+                continue;
+            h->open[2 * open] = (uint16_t)a;
+            h->open[2 * open++ + 1] = (uint16_t)b;
+        }
+    for (uint32_t i = 0; i < visible; i++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = h->faces[i].corner[k], b = h->faces[i].corner[(k + 1) % 3];
+            *edge_word(h, a, b) &= ~((uint64_t)1 << b % 64);
+        }
+    for (uint32_t i = visible; i > 0; i--)
+        h->faces[i - 1] = h->faces[--h->count];
+    for (uint32_t i = 0; i < open; i++)
+        add_face(h, h->open[2 * i], h->open[2 * i + 1], light);
+}
+
+/* Four lights whose tetrahedron is not flat, to the front of `order`. */
+static void begin_hull(hull *h, uint16_t *order, uint32_t count)
+{
+    const double *o = h->point[order[0]];
+    double best = -1.0, u[3] = {0}, n[3] = {0};
+    for (int step = 1; step < 4; step++, best = -1.0) {
+        uint32_t chosen = (uint32_t)step;
+        for (uint32_t i = (uint32_t)step; i < count; i++) {
+            const double *p = h->point[order[i]];
+            double d[3] = {p[0] - o[0], p[1] - o[1], p[2] - o[2]}, size;
+            double c[3] = {u[1] * d[2] - u[2] * d[1], u[2] * d[0] - u[0] * d[2], u[0] * d[1] - u[1] * d[0]};
+            size = step == 1 ? dot(d, d) : step == 2 ? dot(c, c) : fabs(dot(n, d));
+            if (size > best)
+                best = size, chosen = i;
+        }
+        uint16_t k = order[chosen];
+        order[chosen] = order[step];
+        order[step] = k;
+        const double *p = h->point[k];
+        double d[3] = {p[0] - o[0], p[1] - o[1], p[2] - o[2]};
+        if (step == 1)
+            memcpy(u, d, sizeof u);
+        double c[3] = {u[1] * d[2] - u[2] * d[1], u[2] * d[0] - u[0] * d[2], u[0] * d[1] - u[1] * d[0]};
+        if (step == 2)
+            memcpy(n, c, sizeof n);
+        if (step == 3 && dot(n, d) > 0.0) { /* the fourth must lie below the first three */
+            k = order[1];
+            order[1] = order[2];
+            order[2] = k;
+        }
+    }
+    uint32_t a = order[0], b = order[1], c = order[2], d = order[3];
+    add_face(h, a, b, c);
+    add_face(h, a, d, b);
+    add_face(h, b, d, c);
+    add_face(h, c, d, a);
+}
+
+/* Points on a common circle have no one hull: each is moved by some 1e-9, always the same way. */
+static void set_points(hull *h)
+{
+    uint64_t state = 1;
+    for (uint32_t i = 0; i < h->lights->count; i++) {
+        double *p = h->point[i];
+        for (int k = 0; k < 3; k++) {
+            state = state * 6364136223846793005u + 1442695040888963407u;
+            p[k] = (double)h->lights->direction[3 * (size_t)i + (size_t)k] + 1e-9 * ((double)(state >> 40) * 0x1p-24);
+        }
+        double length = sqrt(dot(p, p));
+        p[0] /= length, p[1] /= length, p[2] /= length;
+    }
+}
+
+/* In any order but a mixed one new points see few faces. */
+static void mix(uint16_t *order, uint32_t count)
+{
+    uint64_t state = 2;
+    for (uint32_t i = count; i > 1; i--) {
+        state = state * 6364136223846793005u + 1442695040888963407u;
+        uint32_t k = (uint32_t)((state >> 32) * i >> 32);
+        uint16_t last = order[i - 1];
+        order[i - 1] = order[k];
+        order[k] = last;
+    }
+}
+
+static void join_by_hull(vcache_grid_lights *l, hull *h, uint16_t *order, uint32_t count)
+{
+    for (uint32_t i = 0; i < count && count < 4; i++)
+        for (uint32_t k = 0; k < i; k++)
+            join(l, order[i], order[k]);
+    if (count < 4)
+        return;
+    mix(order, count);
+    begin_hull(h, order, count);
+    for (uint32_t i = 4; i < count; i++)
+        add_point(h, order[i]);
+    for (uint32_t i = 0; i < h->count; i++)
+        for (int k = 0; k < 3; k++)
+            join(l, h->faces[i].corner[k], h->faces[i].corner[(k + 1) % 3]);
+}
+
+/* ------------------------------------------------------------------------------------------------------ the lights */
 
 /* Lights that coincide share a cell: one stands for all in the diagram. `one`: [count] who. */
 static uint32_t merge(const vcache_grid_lights *l, uint16_t *one, uint16_t *distinct)
@@ -205,29 +325,29 @@ static size_t lay_out(vcache_grid_lights *l, char *block)
 }
 
 typedef struct scratch {
-    uint16_t *one, *distinct, *candidates;
-    double *distance;
+    uint16_t *one, *distinct;
+    hull hull;
     size_t bytes;
 } scratch;
 
-static size_t lay_out_scratch(scratch *s, uint32_t count, char *block)
+static size_t lay_out_scratch(scratch *s, const vcache_grid_lights *l, char *block)
 {
-    size_t at = 0;
-    size_t n = count;
-    s->one = grid_carve(block, &at, n, sizeof(uint16_t));
-    s->distinct = grid_carve(block, &at, n, sizeof(uint16_t));
-    s->candidates = grid_carve(block, &at, n * (DEPTH_MAX + 3), sizeof(uint16_t));
-    s->distance = grid_carve(block, &at, n, sizeof(double));
+    size_t at = 0, n = l->count;
+    s->one = grid_carve(block, &at, n, sizeof *s->one);
+    s->distinct = grid_carve(block, &at, n, sizeof *s->distinct);
+    s->hull = (hull){.lights = l};
+    s->hull.point = grid_carve(block, &at, n, sizeof *s->hull.point);
+    s->hull.faces = grid_carve(block, &at, 4 * n + 4, sizeof *s->hull.faces);
+    s->hull.open = grid_carve(block, &at, 12 * n + 12, sizeof *s->hull.open);
+    s->hull.edges = grid_carve(block, &at, n * l->words, sizeof *s->hull.edges);
     return at;
 }
 
 static void build(vcache_grid_lights *l, scratch *s)
 {
     uint32_t distinct = merge(l, s->one, s->distinct);
-    memcpy(s->candidates, s->distinct, distinct * sizeof *s->candidates);
-    for (int t = 0; t < TOP && distinct > 1; t++)
-        for (int u = 0; u < TOP; u++)
-            divide(l, (double)u / TOP, (double)t / TOP, 1.0 / TOP, s->candidates, distinct, s->distance, 0);
+    set_points(&s->hull);
+    join_by_hull(l, &s->hull, s->distinct, distinct);
     fill_map(l, s->distinct, distinct);
     unmerge(l, s->one);
 }
@@ -253,7 +373,7 @@ vcache_status vcache_grid_create_lights(const float *directions, const float *en
         made.side *= 2;
     scratch s;
     made.bytes = lay_out(&made, NULL);
-    s.bytes = lay_out_scratch(&s, count, NULL);
+    s.bytes = lay_out_scratch(&s, &made, NULL);
     char *block = a.allocate(a.context, made.bytes), *more = block ? a.allocate(a.context, s.bytes) : NULL;
     vcache_status status = VCACHE_OK;
     if (!more) {
@@ -262,7 +382,7 @@ vcache_status vcache_grid_create_lights(const float *directions, const float *en
         vcache_grid_lights *l = (vcache_grid_lights *)(void *)block;
         lay_out(&made, block);
         *l = made;
-        lay_out_scratch(&s, count, more);
+        lay_out_scratch(&s, l, more);
         if (set_directions(l, directions, message)) {
             build(l, &s);
             rank_by_energy(l, energy);

@@ -64,17 +64,48 @@ light_sample direct_punctual(const eye_sample *e, const light *l)
     return punctual(e, l, false, v3(0, 0, 0));
 }
 
-void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked)
+void direct_punctuals(const view *v, const eye_sample *e, const uint64_t *skip, light_sample *out, uint64_t *asked)
 {
     const surface *s = &e->surface;
     /* Where there are many lights, all but this product would be the same for each. */
     bool diffuse = s->material->kind == MATERIAL_DIFFUSE && v3_dot(s->wo, s->normal) > 0.0f;
     rgb albedo = v3_scale(v3_mul(e->weight, s->color), 1.0f / PI_F);
     for (uint32_t i = 0; i < v->scene->light_count; i++) {
+        if (skip && skip[i / 64] >> i % 64 & 1u)
+            continue;
         out[i] = punctual(e, &v->scene->lights[i], diffuse, albedo);
         if (asked)
             asked[i / 64] |= (uint64_t)(v3_max_component(out[i].value) > 0.0f) << i % 64;
     }
+}
+
+directional_set directional_new(const scene *s, uint32_t lights)
+{
+    uint32_t words = (lights + 63) / 64;
+    directional_set d = {.padded = 64 * words, .mask = xcalloc(words + 1, sizeof *d.mask)};
+    float **components[] = {&d.x, &d.y, &d.z, &d.r, &d.g, &d.b};
+    for (int k = 0; k < 6; k++)
+        *components[k] = floats_new(d.padded);
+    for (uint32_t i = 0; i < lights; i++) {
+        const light *l = &s->lights[i];
+        if (l->kind != LIGHT_DIRECTIONAL)
+            continue;
+        d.mask[i / 64] |= (uint64_t)1 << i % 64;
+        d.count++;
+        if (!(v3_max_component(l->intensity) > 0.0f))
+            continue;
+        d.x[i] = -l->direction.x, d.y[i] = -l->direction.y, d.z[i] = -l->direction.z;
+        d.r[i] = l->intensity.x, d.g[i] = l->intensity.y, d.b[i] = l->intensity.z;
+    }
+    return d;
+}
+
+void directional_free(directional_set *d)
+{
+    float *const components[] = {d->x, d->y, d->z, d->r, d->g, d->b};
+    for (int k = 0; k < 6; k++)
+        free(components[k]);
+    free(d->mask);
 }
 
 /* ------------------------------------------------------------------------------------------------- light samples */

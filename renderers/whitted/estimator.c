@@ -218,7 +218,7 @@ static uint32_t contributions(estimator *o, const eye_sample *middle)
         }
     if (o->punctual_count == 0)
         return asked;
-    direct_punctuals(o->view, middle, o->punctual, NULL);
+    direct_punctuals(o->view, middle, NULL, o->punctual, NULL);
     for (uint32_t i = 0; i < o->punctual_count; i++) {
         float value = luminance(o->punctual[i].value) * PI_F;
         o->contribution[l->padded + i] = value;

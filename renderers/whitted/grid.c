@@ -17,14 +17,13 @@ struct grid_scene {
     const view *view;
     vcache_grid_lights *lights;
     vcache_grid_config config;
-    uint32_t count, words; /* of directional lights */
-    uint32_t *light;       /* [count] which of the scene's */
-    bool first;            /* they are the scene's first: rows of bits are the same */
-    uint64_t *mask;        /* those of the scene's lights that are directional */
-    float *x, *y, *z;      /* towards them, padded to whole words; zero where they bring nothing */
-    uint32_t side;         /* tiles of a block */
-    uint32_t across, down; /* blocks */
-    uint32_t places;       /* k */
+    uint32_t count, words;       /* of directional lights */
+    uint32_t *light;             /* [count] which of the scene's */
+    bool first;                  /* they are the scene's first: rows of bits are the same */
+    directional_set directional; /* the same by the scene's numbers */
+    uint32_t side;               /* tiles of a block */
+    uint32_t across, down;       /* blocks */
+    uint32_t places;             /* k */
 };
 
 struct grid_station {
@@ -81,25 +80,13 @@ bool grid_samples_fit(int spp)
 
 static void collect_lights(grid_scene *g, const scene *s)
 {
-    uint32_t words = (s->light_count + 63) / 64;
-    size_t padded = (size_t)64 * words;
+    g->directional = directional_new(s, s->light_count);
     g->light = xmalloc((s->light_count + 1) * sizeof *g->light);
-    g->mask = xcalloc(words + 1, sizeof *g->mask);
-    g->x = floats_new(padded);
-    g->y = floats_new(padded);
-    g->z = floats_new(padded);
     g->first = true;
     for (uint32_t i = 0; i < s->light_count; i++) {
-        const light *l = &s->lights[i];
-        if (l->kind != LIGHT_DIRECTIONAL)
+        if (s->lights[i].kind != LIGHT_DIRECTIONAL)
             continue;
         g->first = g->first && i == g->count;
-        g->mask[i / 64] |= (uint64_t)1 << i % 64;
-        if (v3_max_component(l->intensity) > 0.0f) {
-            g->x[g->count] = -l->direction.x;
-            g->y[g->count] = -l->direction.y;
-            g->z[g->count] = -l->direction.z;
-        }
         g->light[g->count++] = i;
     }
     g->words = (g->count + 63) / 64;
@@ -163,10 +150,7 @@ void grid_scene_free(grid_scene *g)
         return;
     vcache_grid_destroy_lights(&g->lights);
     free(g->light);
-    free(g->mask);
-    free(g->x);
-    free(g->y);
-    free(g->z);
+    directional_free(&g->directional);
     free(g);
 }
 
@@ -199,7 +183,7 @@ bool grid_station_new(const grid_scene *g, grid_station **out, message *err)
     o->traced = xmalloc(g->config.pixels * sizeof *o->traced);
     o->answers = xmalloc(g->config.rays * sizeof *o->answers);
     o->distances = g->config.warping ? xmalloc(g->config.rays * sizeof *o->distances) : NULL;
-    o->cosines = floats_new((size_t)64 * g->words);
+    o->cosines = floats_new(g->directional.padded);
     o->kept = xmalloc(((size_t)CHUNK * ((g->view->scene->light_count + 63) / 64) + 1) * sizeof *o->kept);
     packet_init(&o->packet);
     return true;
@@ -244,8 +228,13 @@ static void ask(grid_station *o, const eye_sample *e, uint64_t *asked)
     const grid_scene *g = o->scene;
     if (!(material_reflectance(&e->surface) > 0.0f))
         return;
-    shade_cosines(g->x, g->y, g->z, 64 * g->words, &e->surface, o->cosines);
-    shade_bits_above(o->cosines, 0.0f, g->words, asked);
+    shade_cosines(&g->directional, &e->surface, o->cosines);
+    if (g->first) {
+        shade_bits_above(o->cosines, 0.0f, g->words, asked);
+        return;
+    }
+    for (uint32_t i = 0; i < g->count; i++)
+        asked[i / 64] |= (uint64_t)(o->cosines[g->light[i]] > 0.0f) << i % 64;
 }
 
 static void place_samples(grid_station *o, const grid_tile *t)
@@ -274,6 +263,8 @@ static void trace(grid_station *o, const vcache_grid_ray *rays, uint32_t count)
     const grid_scene *g = o->scene;
     const light *lights = g->view->scene->lights;
     ray_packet *p = &o->packet;
+    /* Where few rays are left they are the hard ones, and near each other they do not run together. */
+    bool coherent = g->config.order == VCACHE_GRID_TRUE;
     for (uint32_t first = 0; first < count;) {
         uint32_t n = 0, same = rays[first].light;
         vec3 direction = v3_neg(lights[g->light[same]].direction);
@@ -282,7 +273,7 @@ static void trace(grid_station *o, const vcache_grid_ray *rays, uint32_t count)
             aim(p, n, o->origin[pixel], direction);
             o->traced[pixel]++;
         }
-        uint32_t blocked = tracer_occluded16(g->view->tracer, p, (1u << n) - 1u, true);
+        uint32_t blocked = tracer_occluded16(g->view->tracer, p, (1u << n) - 1u, coherent);
         for (uint32_t k = 0; k < n; k++)
             o->answers[first + k] = blocked >> k & 1u ? VCACHE_BLOCKED : VCACHE_VISIBLE;
         first += n;
@@ -375,7 +366,7 @@ void grid_resolve(grid_station *o, visibility *others, const tile *t, chunk *c, 
         memcpy(kept, asked, b->words * sizeof *kept);
         if (lattice_pixel(o, t, c->eyes[e], &x, &y))
             for (uint32_t w = 0; w < b->words; w++)
-                asked[w] &= ~o->scene->mask[w];
+                asked[w] &= ~o->scene->directional.mask[w];
     }
     visibility_resolve(others, c, pixels);
     for (uint32_t e = 0; e < c->count; e++) {

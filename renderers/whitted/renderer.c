@@ -4,8 +4,8 @@
 const char *const visibility_names[] = {"exact", "cache", "grid[=NAME]", "estimate", NULL};
 const char *const store_names[] = {"rows", "words", NULL};
 const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
-static const char *const mode_names[VISIBILITY_MODES] = {"exact", "cache", "grid", "estimate", "selection",
-                                                    "cached-selection"};
+static const char *const mode_names[VISIBILITY_MODES] = {"exact",    "cache",     "grid",
+                                                         "estimate", "selection", "cached-selection"};
 
 static const settings *settings_of(const void *context)
 {

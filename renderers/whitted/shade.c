@@ -41,7 +41,9 @@ void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual)
     bits_new(&c->bits[LIGHTS_PUNCTUAL], punctual);
     bits_new(&c->bits[LIGHTS_SAMPLED], samples);
     c->geometry = floats_new((size_t)CHUNK * vpls->padded);
-    c->contribution = floats_new(vpls->padded);
+    c->directional = directional_new(v->scene, punctual);
+    c->cosine = floats_new((size_t)CHUNK * c->directional.padded);
+    c->contribution = floats_new(vpls->padded > c->directional.padded ? vpls->padded : c->directional.padded);
     /* zeroed: lanes of packets are aimed for eye samples that reflect nothing and so have no samples */
     c->punctual = xcalloc((size_t)CHUNK * punctual + 1, sizeof *c->punctual);
     c->sampled = xcalloc((size_t)CHUNK * samples + 1, sizeof *c->sampled);
@@ -59,6 +61,8 @@ void chunk_free(chunk *c)
     free(c->geometry);
     free(c->contribution);
     free(c->punctual);
+    free(c->cosine);
+    directional_free(&c->directional);
     free(c->sampled);
     free(c->sampled_density);
     free(c->sampled_normal);
@@ -123,18 +127,20 @@ float shade_geometry(const vpl_set *l, const eye_sample *e, uint32_t i)
     return lit ? eye * away / (r2 * float_max(r2, l->clamp)) : 0.0f;
 }
 
-CLONES static void cosines(const float *restrict x, const float *restrict y, const float *restrict z, uint32_t count,
-                           vec3 n, vec3 g, float *restrict out)
+CLONES static void cosines(const directional_set *d, vec3 n, vec3 g, float *restrict out)
 {
+    const float *restrict x = d->x, *restrict y = d->y, *restrict z = d->z;
+    const uint32_t count = d->padded;
     for (uint32_t i = 0; i < count; i++) {
-        float a = n.x * x[i] + n.y * y[i] + n.z * z[i], b = g.x * x[i] + g.y * y[i] + g.z * z[i];
-        out[i] = a < b ? a : b;
+        float eye = n.x * x[i] + n.y * y[i] + n.z * z[i], side = g.x * x[i] + g.y * y[i] + g.z * z[i];
+        int lit = (eye > 0.0f) & (side > 0.0f);
+        out[i] = lit ? eye : 0.0f;
     }
 }
 
-void shade_cosines(const float *x, const float *y, const float *z, uint32_t count, const surface *s, float *out)
+void shade_cosines(const directional_set *d, const surface *s, float *out)
 {
-    cosines(x, y, z, count, s->normal, s->geometric_normal, out);
+    cosines(d, s->normal, s->geometric_normal, out);
 }
 
 CLONES static void bytes_above(const float *restrict values, float bound, uint8_t *restrict bytes)
@@ -186,7 +192,8 @@ void shade_lift(float *values, uint32_t count, float least)
 }
 
 /* Each bit as 0 or 1. */
-CLONES static void spread_bits(const uint64_t *restrict bits, uint32_t words, float *restrict out)
+static inline __attribute__((always_inline)) void spread(const uint64_t *restrict bits, uint32_t words,
+                                                         float *restrict out)
 {
     for (uint32_t w = 0; w < words; w++)
         for (uint32_t part = 0; part < 64; part += 16) {
@@ -194,6 +201,11 @@ CLONES static void spread_bits(const uint64_t *restrict bits, uint32_t words, fl
             for (uint32_t k = 0; k < 16; k++)
                 out[64 * w + part + k] = (float)(lanes >> k & 1u);
         }
+}
+
+CLONES static void spread_bits(const uint64_t *restrict bits, uint32_t words, float *restrict out)
+{
+    spread(bits, words, out);
 }
 
 /* The light of all virtual point lights, each seen as far as `seen` says. */
@@ -205,6 +217,23 @@ CLONES static rgb weighted_sum(const vpl_set *l, const float *geometry, const fl
         r += v * LANES16_OF(l->r + at);
         g += v * LANES16_OF(l->g + at);
         b += v * LANES16_OF(l->b + at);
+    }
+    rgb sum = {0, 0, 0};
+    for (uint32_t k = 0; k < 16; k++)
+        sum = v3_add(sum, v3(r[k], g[k], b[k]));
+    return sum;
+}
+
+/* Irradiance of the lights whose bits are set. */
+CLONES static rgb irradiance(const directional_set *d, const float *cosine, const uint64_t *bits, float *seen)
+{
+    spread(bits, d->padded / 64, seen);
+    lanes16 r = {0}, g = {0}, b = {0};
+    for (uint32_t at = 0; at < d->padded; at += 16) {
+        lanes16 v = LANES16_OF(cosine + at) * LANES16_OF(seen + at);
+        r += v * LANES16_OF(d->r + at);
+        g += v * LANES16_OF(d->g + at);
+        b += v * LANES16_OF(d->b + at);
     }
     rgb sum = {0, 0, 0};
     for (uint32_t k = 0; k < 16; k++)
@@ -236,6 +265,48 @@ static rgb glossy_sum(const vpl_set *l, const eye_sample *e, const float *geomet
     return sum;
 }
 
+/* Without those of `skip` (NULL: none). */
+static rgb sample_sum(const light_sample *samples, const uint64_t *visible, const uint64_t *skip, uint32_t words)
+{
+    rgb sum = {0, 0, 0};
+    for (uint32_t w = 0; w < words; w++)
+        for (uint64_t word = visible[w] & ~(skip ? skip[w] : 0); word; word &= word - 1)
+            sum = v3_add(sum, samples[64 * w + (uint32_t)__builtin_ctzll(word)].value);
+    return sum;
+}
+
+/* Where a surface is diffuse, all that directional lights differ in is their cosine. */
+static void punctual_unoccluded(const view *v, chunk *c, uint32_t e)
+{
+    const eye_sample *s = c->eyes[e];
+    const pair_bits *b = &c->bits[LIGHTS_PUNCTUAL];
+    const directional_set *d = &c->directional;
+    uint64_t *asked = b->asked + (size_t)e * b->words;
+    float *cosine = c->cosine + (size_t)e * d->padded;
+    c->diffuse[e] = s->surface.material->kind == MATERIAL_DIFFUSE && v3_dot(s->surface.wo, s->surface.normal) > 0.0f;
+    if (c->diffuse[e]) {
+        shade_cosines(d, &s->surface, cosine);
+        shade_bits_above(cosine, 0.0f, b->words, asked);
+        if (d->count == b->lights)
+            return;
+    }
+    direct_punctuals(v, s, c->diffuse[e] ? d->mask : NULL, c->punctual + (size_t)e * b->lights, asked);
+}
+
+static rgb punctual_sum(const chunk *c, uint32_t e)
+{
+    const eye_sample *s = c->eyes[e];
+    const pair_bits *b = &c->bits[LIGHTS_PUNCTUAL];
+    const light_sample *samples = c->punctual + (size_t)e * b->lights;
+    const uint64_t *visible = b->visible + (size_t)e * b->words;
+    if (!c->diffuse[e] || b->lights == 0)
+        return sample_sum(samples, visible, NULL, b->words);
+    rgb albedo = v3_scale(v3_mul(s->weight, s->surface.color), 1.0f / PI_F);
+    rgb sum = v3_mul(
+        albedo, irradiance(&c->directional, c->cosine + (size_t)e * c->directional.padded, visible, c->contribution));
+    return v3_add(sum, sample_sum(samples, visible, c->directional.mask, b->words));
+}
+
 void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
 {
     for (int g = 0; g < LIGHT_GROUPS; g++) {
@@ -260,19 +331,9 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
         }
 
         if (punctual->lights > 0)
-            direct_punctuals(v, s, c->punctual + (size_t)e * punctual->lights,
-                             punctual->asked + (size_t)e * punctual->words);
+            punctual_unoccluded(v, c, e);
     }
     direct_samples(v, c);
-}
-
-static rgb sample_sum(const light_sample *samples, const uint64_t *visible, uint32_t words)
-{
-    rgb sum = {0, 0, 0};
-    for (uint32_t w = 0; w < words; w++)
-        for (uint64_t word = visible[w]; word; word &= word - 1)
-            sum = v3_add(sum, samples[64 * w + (uint32_t)__builtin_ctzll(word)].value);
-    return sum;
 }
 
 void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels)
@@ -290,10 +351,10 @@ void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels)
             sum = glossy_sum(vpls, s, geometry, visible, b->words);
         sum = v3_add(v3_mul(sum, s->weight), c->material[e]);
 
-        b = &c->bits[LIGHTS_PUNCTUAL];
-        sum = v3_add(sum, sample_sum(c->punctual + (size_t)e * b->lights, b->visible + (size_t)e * b->words, b->words));
+        sum = v3_add(sum, punctual_sum(c, e));
         b = &c->bits[LIGHTS_SAMPLED];
-        sum = v3_add(sum, sample_sum(c->sampled + (size_t)e * b->lights, b->visible + (size_t)e * b->words, b->words));
+        visible = b->visible + (size_t)e * b->words;
+        sum = v3_add(sum, sample_sum(c->sampled + (size_t)e * b->lights, visible, NULL, b->words));
         pixels->lit[s->pixel] = v3_add(pixels->lit[s->pixel], sum);
     }
 }

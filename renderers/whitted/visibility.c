@@ -61,6 +61,16 @@ static void aim(visibility *o, const chunk *c, lanes l, int group, uint32_t i)
         }
         return;
     }
+    const light *sun = group == LIGHTS_PUNCTUAL ? &o->view->scene->lights[i] : NULL;
+    if (sun && sun->kind == LIGHT_DIRECTIONAL) {
+        for (int k = 0; k < GROUP; k++) {
+            p->dir_x[k] = -sun->direction.x;
+            p->dir_y[k] = -sun->direction.y;
+            p->dir_z[k] = -sun->direction.z;
+            p->tfar[k] = INFINITY;
+        }
+        return;
+    }
     const light_sample *samples = group == LIGHTS_PUNCTUAL ? c->punctual : c->sampled;
     for (uint32_t k = 0; k < l.count; k++) {
         const light_sample *s = &samples[(size_t)(l.first + k) * c->bits[group].lights + i];

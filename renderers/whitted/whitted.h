@@ -53,8 +53,8 @@ typedef struct settings {
     bool lattice;            /* eye paths at the middles of k x k squares of their pixel, spp = k^2, at most PASS */
     vcache_grid_config grid; /* but for `pixels` and `rays` */
     uint32_t grid_block;     /* lattice pixels a side; 0: the whole image */
-    float rays;          /* mean per eye sample, where few are traced */
-    float ce;            /* C_E of virtual point lights; of the finest cells where few rays are traced */
+    float rays;              /* mean per eye sample, where few are traced */
+    float ce;                /* C_E of virtual point lights; of the finest cells where few rays are traced */
     float refine_above;  /* virtual point lights below this times the eye sample's mean contribution are not refined */
     float ce_delta;      /* of point, spot and directional lights; 0: these are traced */
     float ce_samples;    /* of area and environment samples; 0: these are traced */
@@ -149,6 +149,15 @@ typedef struct pair_bits {
     uint64_t *refine; /* worth a finer cell; NULL: all */
 } pair_bits;
 
+/* Directional lights among the scene's, one array a component, padded to whole words with lights of no direction. So
+ * are lights of other kinds and of no power: their cosine is 0. */
+typedef struct directional_set {
+    uint32_t count, padded;
+    float *x, *y, *z; /* unit, towards them */
+    float *r, *g, *b; /* irradiance */
+    uint64_t *mask;   /* which they are */
+} directional_set;
+
 enum light_group { LIGHTS_VIRTUAL, LIGHTS_PUNCTUAL, LIGHTS_SAMPLED, LIGHT_GROUPS };
 
 typedef struct chunk {
@@ -157,7 +166,10 @@ typedef struct chunk {
     pair_bits bits[LIGHT_GROUPS];
     float *geometry;        /* [CHUNK][vpls.padded]: cos cos / r^2 of each virtual point light */
     float *contribution;    /* scratch of one eye sample */
-    light_sample *punctual; /* [CHUNK][lights] */
+    light_sample *punctual; /* [CHUNK][lights]; directional lights on diffuse surfaces have cosines instead: */
+    directional_set directional;
+    float *cosine;          /* [CHUNK][directional.padded]; 0: below a horizon */
+    bool diffuse[CHUNK];    /* these serve */
     light_sample *sampled;  /* [CHUNK][samples] */
     float *sampled_density; /* of the samples, per unit area or steradian */
     vec3 *sampled_normal;
@@ -194,16 +206,20 @@ float shade_total(const float *values, uint32_t count);
 void shade_lift(float *values, uint32_t count, float least);
 /* Bit i of `bits` says whether values[i] > bound; 64 * words values. */
 void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t *bits);
-/* Cosines of `count` directions (a multiple of 64) with the normal, or with the geometric one where that is less. */
-void shade_cosines(const float *x, const float *y, const float *z, uint32_t count, const surface *s, float *out);
+/* Cosines of all directional lights with the normal; 0 below its horizon or that of the geometric normal. */
+void shade_cosines(const directional_set *d, const surface *s, float *out);
 /* BRDF of the eye sample times power of light i. */
 rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 
 /* direct.c */
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
-/* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. */
-void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked);
+/* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. `skip` (NULL: none): bits of
+ * lights to leave alone. */
+void direct_punctuals(const view *v, const eye_sample *e, const uint64_t *skip, light_sample *out, uint64_t *asked);
+/* Of the first `lights` of the scene's. */
+directional_set directional_new(const scene *s, uint32_t lights);
+void directional_free(directional_set *d);
 /* For the eye samples of a chunk that reflect: samples of emitters (density per area, normal) and of the environment
  * (density per steradian), with their asked bits, and one direction each drawn by the material and traced; all weighted
  * by the balance heuristic. */
