@@ -322,6 +322,7 @@ typedef struct truth {
 typedef struct frame_lights {
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
+    double visibility_s;    /* of shade_s: deciding visibility, rays included; not an estimator's */
     grid_figures grid;
 } frame_lights;
 
