@@ -12,7 +12,7 @@ report() { # STATUS WHAT
     if [ "$1" -eq 0 ]; then echo "ok $n - $2"; else echo "not ok $n - $2"; bad=1; fi
 }
 
-for header in vcache/vcache.h vcache/adaptive.h halton/halton.h; do
+for header in vcache/vcache.h vcache/adaptive.h vcache/grid.h halton/halton.h; do
     echo "#include \"$header\"" >"$folder/alone.c"
     cp "$folder/alone.c" "$folder/alone.cc"
     for compiler in cc c++ clang clang++; do

@@ -76,6 +76,7 @@ static uint32_t flood(vcache_grid *g, uint32_t at)
     uint64_t *doubtful = grid_row(g->doubtful, words, at);
     uint64_t *seen = g->scratch, *hidden = grid_row(g->scratch, words, 1);
     uint64_t *beside_seen = grid_row(g->scratch, words, 2), *beside_hidden = grid_row(g->scratch, words, 3);
+    uint64_t untraced = 0;
     bool at_once = !g->config.boundary && !g->config.restricted; /* grid_predict has flooded from what is unclear */
     for (uint32_t w = 0; w < words; w++) {
         uint64_t refuted = todo[w] & (visible[w] ^ predicted[w]) & ~doubtful[w];
@@ -83,7 +84,10 @@ static uint32_t flood(vcache_grid *g, uint32_t at)
         refuted |= at_once ? 0 : todo[w] & doubtful[w];
         seen[w] = refuted & visible[w];
         hidden[w] = refuted & ~visible[w];
+        untraced |= asked[w] & ~traced[w];
     }
+    if (!untraced)
+        return 0;
     grid_neighbours_of(g->lights, seen, beside_seen);
     grid_neighbours_of(g->lights, hidden, beside_hidden);
     for (uint32_t w = 0; w < words; w++) {

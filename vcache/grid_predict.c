@@ -126,7 +126,7 @@ static void trace_all(vcache_grid *g, uint32_t at, bool begins)
     memcpy(grid_row(g->todo, words, at), asked, bytes);
     if (g->flooding) {
         memcpy(grid_row(g->traced, words, at), asked, bytes);
-        memset(grid_row(g->doubtful, words, at), 0, bytes);
+        memcpy(grid_row(g->doubtful, words, at), asked, bytes); /* nothing was predicted */
         memset(grid_row(g->predicted, words, at), 0, bytes);
     }
     *(begins ? &g->statistics.coarse : &g->statistics.silhouette) += count_row(asked, words);
