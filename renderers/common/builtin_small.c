@@ -87,9 +87,9 @@ void build_shapes(scene *s)
     profile_line(&p, 0.0f, 1.8f, 48);
     shape_lathe(&cone, &p, 128);
     place(s, shape_to_mesh(s, &cone, yellow, 30.0f), xform_place(v3(2.1f, 0.0f, -1.3f), 0.0f, 1.0f));
-    shape_torus(&torus, 0.62f, 0.24f, 144, 56); /* stands on its rim: its shadow is a ring */
+    shape_torus(&torus, 0.62f, 0.24f, 144, 56); /* leans: its shadow is a ring */
     place(s, shape_to_mesh(s, &torus, green, 30.0f),
-          xform_along(v3(1.5f, 0.86f, 1.3f), v3_normalize(v3(0.75f, 0.0f, -0.66f)), 0.0f, 1.0f));
+          xform_along(v3(1.5f, 0.68f, 1.3f), v3_normalize(v3(0.5f, 0.7f, -0.5f)), 0.0f, 1.0f));
     camera_add(s, "front", v3(0.6f, 2.6f, 7.6f), v3(0.0f, 0.75f, 0.0f), 36.0f);
     camera_add(s, "above", v3(-3.5f, 7.5f, 4.0f), v3(0.0f, 0.4f, -0.3f), 40.0f);
     camera_add(s, "square", v3(0.6f, 5.4f, 6.6f), v3(0.05f, 0.5f, 0.1f), 43.0f);
