@@ -53,7 +53,7 @@ printf '%s\n' ply 'format ascii 1.0' 'element vertex 3' 'property float x' 'prop
 # --- help ---
 
 # name:kind of every option; kinds are those of bad_values below
-options=(size:size spp:one vpls:zero env:text env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
+options=(size:size spp:one vpls:zero env:text env-rotate:angle env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
     visibility:choice select:positive ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
     refine-above:float cache-mb:one shared:flag store:choice hash:choice compare:flag runs:one threads:zero seed:seed output:text
     picture:text reference:text half:flag tiles:flag json:text quiet:flag)
@@ -115,6 +115,7 @@ bad_values() {
     zero) values=("${no_int[@]}" -1) ;;
     seed) values=("${no_number[@]}" -1 1.5 1e3 18446744073709551616) ;;
     float) values=("${no_number[@]}" -1 1e999 20000) ;;
+    angle) values=("${no_number[@]}" 1e999 -40000 40000) ;;
     positive) values=("${no_number[@]}" 0 -1 1e-9 1e999 20000) ;;
     ratio) values=("${no_number[@]}" 0 1 -2 1e999 17) ;;
     look) values=("" 1 1,2,3,4,5,6 1,2,3,4,5,6,7,8 1,2,3,4,5,6, 1,2,nan,4,5,6,7 1,2,3,inf,5,6,7 1,2,3,4,5,6,1e39) ;;
@@ -192,7 +193,8 @@ printf '\x76\x2f\x31\x01\x02\0\0\0' >header.exr
 for file in missing.hdr missing.exr garbage.hdr garbage.exr header.exr empty.glb folder; do
     clean_failure 1 "$file" cornell "${tiny[@]}" --env "$file" -o out/x.exr
 done
-finish "environment maps that are missing or damaged are refused"
+clean_failure 1 "--env-rotate" cornell "${tiny[@]}" --env-rotate 90 -o out/x.exr
+finish "environment maps that are missing or damaged are refused, and turning none"
 
 quiet=(cornell "${tiny[@]}" --quiet)
 good "${quiet[@]}" -o small.exr
@@ -273,6 +275,18 @@ is_exr both.exr 02020000
 [[ $(stat -c %s half.exr) -lt $(stat -c %s float.exr) ]] || problem "half is not smaller than float"
 for file in float tiles half both; do quiet_good cornell "${tiny[@]}" --env "$file.exr"; done
 finish "--half and --tiles write EXR files that can be read again"
+
+sky=(cornell "${tiny[@]}" --env float.exr --env-lights 9)
+quiet_good "${sky[@]}" -o sky.exr --json sky.json
+for degrees in 0 90 360; do
+    quiet_good "${sky[@]}" --env-rotate $degrees --reference sky.exr --json sky.json
+    read_json sky.json
+    figure_is env_rotate $degrees
+    figure_is punctual_lights 9
+    [[ $degrees == 90 ]] || figure_is reference.mode_run.l_inf 0
+    [[ $degrees != 90 || ${figure[reference.mode_run.l_inf]} != 0 ]] || problem "a quarter turn changes nothing"
+done
+finish "--env-rotate turns the environment"
 
 quiet_good cornell "${tiny[@]}" -o twice.png
 quiet_good cornell "${tiny[@]}" -o twice.png --look 0,1,4,0,1,0,40

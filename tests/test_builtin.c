@@ -54,9 +54,9 @@ static void test_accepted_with_expected_counts(void **state)
         bool environment;
     } expected[SCENES] = {{200000, 600000, 1, 2, true},
                           {80, 200, 0, 1, false},
-                          {40000, 100000, 0, 2, false},
-                          {400 * 44, 20000, 0, 2, false},
-                          {30000, 200000, 0, 2, false}};
+                          {40000, 100000, 0, 3, false},
+                          {400 * 44, 20000, 0, 3, false},
+                          {30000, 200000, 0, 3, false}};
     notice_enable(false);
     for (int i = 0; i < SCENES; ++i) {
         scene *s = build(names[i]);

@@ -42,6 +42,7 @@ static void add_scene(cJSON *j, const comparison *c)
     json_add_number(j, "spp", a->spp);
     json_add_number(j, "eye_samples", (double)f->eye_samples);
     json_add_number(j, "threads", a->threads);
+    json_add_float(j, "env_rotate", a->env_rotate);
     add_whole(j, "seed", a->seed);
     cJSON_AddStringToObject(j, "mode", r->mode);
     if (r->json)

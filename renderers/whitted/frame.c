@@ -24,7 +24,7 @@ typedef struct station {
     uint32_t *order; /* of eye samples */
     size_t order_capacity;
     bool aside; /* this pass is exact */
-    double shade_s;
+    double shade_s, visibility_s;
     uint64_t mispredicted, sample_count;
     bool ready;
 } station;
@@ -182,10 +182,12 @@ static void light_samples(job *j, station *s, size_t pass)
         for (uint32_t e = 0; e < c->count; e++)
             c->eyes[e] = &s->samples.items[s->order[i + e]];
         shade_unoccluded(j->v, s->lights, c);
+        double before = now();
         if (s->grid)
             grid_resolve(s->grid, s->visibility, s->tile, c, &s->pixels);
         else
             visibility_resolve(s->visibility, c, &s->pixels);
+        s->visibility_s += now() - before;
         shade_sum(s->lights, c, &s->pixels);
         if (s->estimator)
             estimator_light(s->estimator, c->eyes, c->count, &s->pixels);
@@ -223,7 +225,10 @@ static void render_block(void *context, int thread, size_t index)
     if (!s->ready)
         prepare_station(j, s);
     grid_tile *tiles;
-    uint32_t count = grid_block(s->grid, (uint32_t)index, &tiles, &s->shade_s);
+    double seconds = 0.0;
+    uint32_t count = grid_block(s->grid, (uint32_t)index, &tiles, &seconds);
+    s->shade_s += seconds;
+    s->visibility_s += seconds;
     eye_samples own = s->samples;
     for (uint32_t k = 0; k < count; k++) {
         s->tile = &tiles[k].tile;
@@ -350,6 +355,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     for (int i = 0; i < threads; i++) {
         station *s = &j.stations[i];
         out->shade_s += s->shade_s / threads;
+        lights->visibility_s += s->visibility_s / threads;
         out->mispredicted += s->mispredicted;
         out->eye_samples += s->sample_count;
         if (s->ready) {
@@ -363,6 +369,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
             }
             if (s->grid) {
                 r = grid_counts(s->grid, &lights->grid);
+                out->cache_bytes = lights->grid.bytes;
                 out->rays.asked += r.asked;
                 out->rays.traced += r.traced;
             }

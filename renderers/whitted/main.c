@@ -2,6 +2,8 @@
 /* whitted: command line and scene. */
 #include "renderer.h"
 
+#include "../common/environment_lights.h"
+
 #include <string.h>
 
 typedef struct arguments {
@@ -37,7 +39,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "spp", .kind = OPTION_INT, .value = &p->spp, .min = 1, .max = 4096, .help = "eye paths per pixel"},
         {.name = "vpls", .kind = OPTION_INT, .value = &s->vpls, .min = 0, .max = 65536,
          .help = "virtual point lights"},
-        PROGRAM_OPTION_ENV(p),
+        PROGRAM_OPTIONS_ENV(p),
         {.name = "env-samples", .kind = OPTION_INT, .value = &s->env_samples, .min = 0, .max = 4096,
          .shown = "8 / sqrt(spp)", .help = "environment samples per path"},
         {.name = "env-lights", .kind = OPTION_INT, .value = &s->env_lights, .min = 0, .max = 4096,
@@ -46,8 +48,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "8 / sqrt(spp)", .help = "samples of emissive surfaces per eye path"},
         PROGRAM_OPTIONS_CAMERA(p),
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
-         .detail = &a->grid, .metavar = "MODE", .shown = "cache; with --select estimate",
-         .help = "exact, cache, estimate, grid or grid=NAME"},
+         .detail = &a->grid, .metavar = "MODE", .shown = "cache; --select: estimate",
+         .help = "exact, cache, estimate, grid[=NAME]"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
          .shown = "all; estimate 96 / spp, 1 or more", .help = "lights drawn per eye path"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
@@ -119,13 +121,28 @@ static bool check(const settings *s, message *err)
     return true;
 }
 
+/* The environment as lights that are the same for all eye samples. */
+static void add_environment_lights(scene *s, int count)
+{
+    environment_light *lights = xmalloc((size_t)count * sizeof *lights);
+    uint32_t n = environment_lights(s->environment, (uint32_t)count, lights);
+    if (n < (uint32_t)count)
+        notice("--env-lights %d: of so dark an environment only %u can be made", count, n);
+    for (uint32_t i = 0; i < n; i++)
+        scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL,
+                                   .direction = v3_neg(lights[i].direction),
+                                   .intensity = lights[i].irradiance});
+    free(lights);
+}
+
 static bool load_scene(const arguments *a, scene **out, message *err)
 {
     if (!program_load_scene(&a->common, out, err))
         return false;
     if (a->settings.env_lights > 0 && !(*out)->environment)
         return fail(err, "--env-lights: the scene has no environment; --env gives it one");
-    direct_environment_lights(*out, a->settings.env_lights);
+    if (a->settings.env_lights > 0)
+        add_environment_lights(*out, a->settings.env_lights);
     return scene_finish(*out, err);
 }
 

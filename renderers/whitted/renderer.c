@@ -79,6 +79,8 @@ static void json_run(const void *context, const frame *f, cJSON *out)
 {
     const grid_figures *g = &lights_of(f)->grid;
     (void)context;
+    if (!estimates(lights_of(f)->served))
+        json_add_number(out, "visibility_s", lights_of(f)->visibility_s);
     if (lights_of(f)->served != VISIBILITY_GRID)
         return;
     json_add_number(out, "rays_s", g->rays_s);

@@ -46,8 +46,7 @@ typedef struct settings {
     int spp;
     int vpls;
     int env_samples, light_samples; /* per eye sample; with one more drawn by the material */
-    int env_lights; /* the environment is also this many of the scene's directional lights (direct_environment_lights)
-                     */
+    int env_lights; /* the environment is also this many of the scene's directional lights */
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
@@ -213,9 +212,6 @@ void shade_cosines(const directional_set *d, const surface *s, float *out);
 rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 
 /* direct.c */
-/* Adds `count` directional lights that stand for the scene's environment, the same for all eye samples: drawn by its
- * radiance, each with its share of the whole. Before scene_finish. */
-void direct_environment_lights(scene *s, int count);
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
 /* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. `skip` (NULL: none): bits of
@@ -326,6 +322,7 @@ typedef struct truth {
 typedef struct frame_lights {
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
+    double visibility_s;    /* of shade_s: deciding visibility, rays included; not an estimator's */
     grid_figures grid;
 } frame_lights;
 
