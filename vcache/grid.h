@@ -21,7 +21,7 @@
  *   4. Read vcache_grid_visible of each pixel.
  *
  * Blocks know nothing of each other (Sect. 6.3.2): they can go to any thread in any order and the picture is the same,
- * and 64 x 64 pixels with 200 lights need 0.2 MiB. A smaller block traces a little more: its last row and column belong
+ * and 64 x 64 pixels with 200 lights need 1 MiB. A smaller block traces a little more: its last row and column belong
  * to its coarsest lattice, and pixels on its border have three informing pixels instead of four.
  *
  * Pixels are those of the finest lattice that is sampled (Sect. 6.1): with 4 x 4 samples a pixel, 4 x 4 of them.
