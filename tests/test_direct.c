@@ -185,6 +185,13 @@ static void check_punctual(const view *v, const chunk *c, uint32_t e, findings *
         f->punctual += asked;
         if (!c->reflects[e])
             continue;
+        if (c->diffuse[e] && v->scene->lights[i].kind == LIGHT_DIRECTIONAL) { /* its cosine stands for it */
+            const eye_sample *eye = c->eyes[e];
+            float cosine = c->cosine[(size_t)e * c->directional.padded + i];
+            rgb albedo = v3_scale(v3_mul(eye->weight, eye->surface.color), cosine / PI_F);
+            assert_true(near_to(v3_mul(albedo, v->scene->lights[i].intensity), one.value));
+            continue;
+        }
         const light_sample *s = &c->punctual[(size_t)e * b->lights + i];
         assert_true(near_to(s->value, one.value));
         assert_memory_equal(&s->target, &one.target, sizeof one.target);
