@@ -77,8 +77,11 @@ static void decide(reference *r, uint32_t pixel, const uint32_t *informers, uint
         if (r->f->boundary)
             predicted[i] = (float)blockers > r->f->threshold || blockers == count ? BLOCKED : VISIBLE;
         else
-            predicted[i] = unknown || (blockers > 0 && blockers < count) ? UNCERTAIN : blockers ? BLOCKED : VISIBLE;
-        first[i] = predicted[i] == UNCERTAIN || (r->f->boundary && unknown);
+            predicted[i] = unknown == count || (blockers > 0 && blockers + unknown < count) ? UNCERTAIN
+                           : blockers                                                       ? BLOCKED
+                                                                                            : VISIBLE;
+        /* a light that some do not know is traced, but only floods against those that do */
+        first[i] = predicted[i] == UNCERTAIN || unknown;
         r->visible[row + i] = predicted[i] == VISIBLE;
     }
     for (uint32_t i = 0; same && r->f->boundary && i < n; i++)

@@ -85,7 +85,7 @@ struct vcache_grid {
     float *closeness; /* [count] warping: cosine between the light and the nearest of them */
 };
 
-enum { SCRATCH_ROWS = 8 };
+enum { SCRATCH_ROWS = 9 };
 
 /* The next array of a block of memory, on a cache line; NULL: only counts. */
 static inline void *grid_carve(char *block, size_t *at, size_t count, size_t size)

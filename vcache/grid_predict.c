@@ -33,9 +33,11 @@ static uint32_t count_row(const uint64_t *row, uint32_t words)
     return n;
 }
 
-/* Without warping: a light is blocked where all agree, visible where all agree, else unclear. */
+/* Without warping: a light is blocked where all agree, visible where all agree, else unclear. Of what is unclear those
+ * that know, being above whose horizon it is, may still agree: `guess` is what they see. If they do not it is doubtful.
+ */
 static void agree(const vcache_grid *g, uint32_t pixel, const uint32_t *informers, uint32_t count, uint64_t *blocked,
-                  uint64_t *unclear)
+                  uint64_t *unclear, uint64_t *guess, uint64_t *doubtful)
 {
     uint32_t words = g->words;
     const uint64_t *asked = grid_row(g->asked, words, pixel);
@@ -46,10 +48,13 @@ static void agree(const vcache_grid *g, uint32_t pixel, const uint32_t *informer
         v[i] = grid_row(g->visible, words, from);
     }
     for (uint32_t w = 0; w < words; w++) {
-        uint64_t all = v[0][w] & v[1][w] & v[2][w] & v[3][w];
-        uint64_t none = (a[0][w] & ~v[0][w]) & (a[1][w] & ~v[1][w]) & (a[2][w] & ~v[2][w]) & (a[3][w] & ~v[3][w]);
-        blocked[w] = none & asked[w];
-        unclear[w] = asked[w] & ~(all | none);
+        uint64_t known = a[0][w] & a[1][w] & a[2][w] & a[3][w];
+        uint64_t seen = v[0][w] | v[1][w] | v[2][w] | v[3][w];
+        uint64_t hidden = (a[0][w] & ~v[0][w]) | (a[1][w] & ~v[1][w]) | (a[2][w] & ~v[2][w]) | (a[3][w] & ~v[3][w]);
+        blocked[w] = asked[w] & known & ~seen;
+        unclear[w] = asked[w] & (~known | (seen & hidden));
+        guess[w] = unclear[w] & seen;
+        doubtful[w] = unclear[w] & ~(seen ^ hidden); /* both, or nobody knows */
     }
 }
 
@@ -174,31 +179,36 @@ void grid_predict(vcache_grid *g, uint32_t at)
         return;
     }
     uint64_t *blocked = g->scratch, *unclear = grid_row(g->scratch, words, 1), *todo = grid_row(g->todo, words, at);
+    uint64_t *guess = grid_row(g->scratch, words, 3), *doubt_row = grid_row(g->scratch, words, 8);
     if (f->warping)
         grid_warp(g, pixel, informers, count, blocked, unclear);
     else if (f->boundary)
         count_blockers(g, pixel, informers, count, blocked, unclear);
-    else
-        agree(g, pixel, informers, count, blocked, unclear);
+    if (f->warping || f->boundary) {
+        memset(guess, 0, words * sizeof *guess);
+        memcpy(doubt_row, unclear, words * sizeof *doubt_row);
+    } else {
+        agree(g, pixel, informers, count, blocked, unclear, guess, doubt_row);
+    }
     for (uint32_t w = 0; w < words; w++)
         visible[w] = asked[w] & ~blocked[w] & ~(f->boundary ? 0 : unclear[w]);
     doubt(g, asked, visible, blocked, unclear, todo);
     g->statistics.uncertain += count_row(todo, words);
     if (g->flooding) {
-        /* Of what is unclear any answer is a surprise: its neighbours come along at once. */
+        /* Of what is doubtful any answer is a surprise: its neighbours come along at once. */
         uint64_t *doubtful = grid_row(g->doubtful, words, at), *traced = grid_row(g->traced, words, at);
         uint64_t *predicted = grid_row(g->predicted, words, at), *beside = grid_row(g->scratch, words, 2);
-        if (!f->boundary && !f->restricted && any(unclear, words)) {
-            grid_neighbours_of(g->lights, unclear, beside);
+        if (!f->boundary && !f->restricted && any(doubt_row, words)) {
+            grid_neighbours_of(g->lights, doubt_row, beside);
             uint32_t before = count_row(todo, words);
             for (uint32_t w = 0; w < words; w++)
                 todo[w] |= beside[w] & asked[w];
             g->statistics.flooded += count_row(todo, words) - before;
         }
         for (uint32_t w = 0; w < words; w++) {
-            doubtful[w] = f->boundary ? 0 : unclear[w];
+            doubtful[w] = f->boundary ? 0 : doubt_row[w];
             traced[w] = todo[w];
-            predicted[w] = visible[w] & todo[w];
+            predicted[w] = (visible[w] | guess[w]) & todo[w];
         }
     }
     for (uint32_t w = 0; w < words; w++)
