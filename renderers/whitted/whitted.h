@@ -46,7 +46,7 @@ typedef struct settings {
     int spp;
     int vpls;
     int env_samples, light_samples; /* per eye sample; with one more drawn by the material */
-    int env_lights; /* the environment is also this many of the scene's directional lights */
+    int env_lights;                 /* the environment is also this many of the scene's directional lights */
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
