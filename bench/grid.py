@@ -265,9 +265,9 @@ def report(group, rows):
         "side": WHERE + [("method", "---", lambda r: r["mode"]), ("rays traced", "---:", lambda r: percent(r["share"], 1))] +
         ERRORS + [("exact", "---:", lambda r: ms(r["exact_s"])), ("method's", "---:", lambda r: ms(r["mode_s"])), FASTER,
                   ("memory", "---:", lambda r: f"{r['bytes'] / 2 ** 20:.2f} MiB")],
-        "turn": WHERE + [("method", "---", lambda r: r["mode"]), ("error", "---:", lambda r: percent(r["l_inf"], 3)),
-                         ("its change", "---:", lambda r: percent(r["change"], 3)),
-                         ("p99.9 of a pixel", "---:", lambda r: f"{r['change_p999']:.3f}"),
+        "turn": WHERE + [("method", "---", lambda r: r["mode"]), ("error", "---:", lambda r: percent(r["l_inf"], 4)),
+                         ("its change", "---:", lambda r: percent(r["change"], 4)),
+                         ("p99.9 of a pixel", "---:", lambda r: f"{r['change_p999']:.4f}"),
                          ("largest", "---:", lambda r: f"{r['change_max']:.2f}"),
                          ("light's own change", "---:", lambda r: percent(r["light"], 1))]}[group]
     print(table(columns, rows), end="\n\n", flush=True)
