@@ -103,6 +103,11 @@ done
 clean_failure 2 "--select does without" cornell --select 4 --visibility exact --store words
 clean_failure 2 "--select does without" cornell --select 4 --visibility cache --ce-delta 8
 clean_failure 2 "--visibility estimate does without" cornell --select 4 --store words
+clean_failure 2 "--select does without" cornell --select 4 --visibility grid
+clean_failure 2 "GNX is none of" cornell --visibility grid=GNX
+clean_failure 2 "spacing is 5" cornell --visibility grid=OPT,spacing=5
+clean_failure 2 "block=N" cornell --visibility grid=OPT,block=x
+clean_failure 2 "must be a square" cornell --visibility grid --spp 3
 clean_failure 1 "65535x65535" cornell --size 65535x65535 -o out/x.exr
 finish "options that do not fit together are refused"
 

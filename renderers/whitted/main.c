@@ -10,7 +10,7 @@ typedef struct arguments {
     program_arguments common;
     int visibility, store, hash, cache_mb;
     const char *grid; /* NAME of --visibility grid=NAME */
-    bool shared;
+    bool shared, selects;
     settings settings;
 } arguments;
 
@@ -89,7 +89,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     if (a->visibility < 0)
         a->visibility = select ? VISIBILITY_ESTIMATE : VISIBILITY_CACHE;
     s->visibility = (visibility_mode)a->visibility;
-    if (select && s->visibility != VISIBILITY_ESTIMATE)
+    a->selects = select;
+    if (select && s->visibility != VISIBILITY_ESTIMATE && s->visibility != VISIBILITY_GRID)
         s->visibility = s->visibility == VISIBILITY_CACHE ? VISIBILITY_SELECT_BY_CACHE : VISIBILITY_SELECT;
     s->shared = a->shared;
     s->words = a->store == 1;
@@ -103,14 +104,17 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     c->hash = (vcache_hash)a->hash; /* in the order of hash_names */
     c->table_bytes = (uint64_t)a->cache_mb << 20;
     s->lattice = s->visibility == VISIBILITY_GRID;
-    if (status == OPTIONS_OK && s->lattice && !grid_parse(a->grid, s, err))
-        status = OPTIONS_ERROR;
     return status;
 }
 
-/* What whitted adds to program_check. */
-static bool check(const settings *s, message *err)
+/* What whitted adds to program_check; reads the grid's mode. */
+static bool check(arguments *a, message *err)
 {
+    settings *s = &a->settings;
+    if (s->lattice && a->selects)
+        return fail(err, "--select does without --visibility grid");
+    if (s->lattice && !grid_parse(a->grid, s, err))
+        return false;
     if (s->env_lights > 0 && s->env_samples > 0)
         return fail(err, "--env-lights stand for the environment: --env-samples must be 0");
     if (s->lattice && !grid_samples_fit(s->spp))
@@ -159,7 +163,7 @@ int main(int argc, char *argv[])
     arguments a = defaults();
     message err = {0};
     options_status status = parse(&a, argc, argv, &err);
-    if (status != OPTIONS_OK || !program_check(&a.common, &err) || !check(&a.settings, &err))
+    if (status != OPTIONS_OK || !program_check(&a.common, &err) || !check(&a, &err))
         return program_stop(&a.common, status, &err);
     whitted w = {.view = {.settings = a.settings}};
     view *v = &w.view;
