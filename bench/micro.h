@@ -84,6 +84,11 @@ struct micro_case {
 /* All cases for these instruction sets; those of one world side by side. */
 micro_case *cases_new(uint32_t isa, size_t *count);
 
+/* micro_adaptive.c: a point with micro_adaptive_lights[variant / 2] lights; odd: all of them sorted. */
+enum { MICRO_ADAPTIVE_SIZES = 4 };
+extern const uint32_t micro_adaptive_lights[MICRO_ADAPTIVE_SIZES];
+uint64_t micro_adaptive(const micro_case *m, world *w, uint64_t steps);
+
 /* What is computed must be used. */
 extern volatile uint64_t micro_sink;
 

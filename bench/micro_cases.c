@@ -329,6 +329,9 @@ micro_case *cases_new(uint32_t isa, size_t *count)
     snprintf(append(&l, empty, "miss", run_misses, MISS_SINGLE)->name, sizeof l.items->name, "misses/single");
     snprintf(append(&l, empty, "miss", run_misses, MISS_BATCH)->name, sizeof l.items->name, "misses/batch");
     snprintf(append(&l, empty, "miss", run_misses, MISS_ROWS)->name, sizeof l.items->name, "misses/rows");
+    for (int i = 0; i < 2 * MICRO_ADAPTIVE_SIZES; i++)
+        snprintf(append(&l, empty, "point", micro_adaptive, i)->name, sizeof l.items->name, "adaptive/%s/%u",
+                 i % 2 ? "sorted" : "incremental", micro_adaptive_lights[i / 2]);
     for (residence r = IN_L2; r <= IN_DRAM; r++)
         snprintf(append(&l, (world_spec){.where = r, .isa = VCACHE_ISA_ALL}, "eye end", run_learn, 1)->name,
                  sizeof l.items->name, "estimate/learn-new/%s", residence_names[r]);

@@ -39,6 +39,7 @@ extern "C" {
 /* Growth of the segments, C_PG in the paper. Smaller: more segments, each less dense and so less coherent. */
 #define HALTON_GROWTH 3.7
 
+/* What became of a call. */
 typedef enum halton_status {
     HALTON_OK = 0,
     HALTON_ERROR_NULL, /* an output or input pointer is NULL */
@@ -65,6 +66,7 @@ HALTON_API halton_status halton_segments(uint32_t pixels, double ce, uint32_t *s
 HALTON_API halton_status halton_order(uint32_t width, uint32_t height, double ce, uint32_t *order, uint32_t *starts,
                            uint32_t *segments);
 
+/* A part of an image. */
 typedef struct halton_tile {
     uint32_t x, y;          /* first pixel, in the image */
     uint32_t width, height; /* in pixels, at least 1 */

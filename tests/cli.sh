@@ -53,14 +53,14 @@ printf '%s\n' ply 'format ascii 1.0' 'element vertex 3' 'property float x' 'prop
 # --- help ---
 
 # name:kind of every option; kinds are those of bad_values below
-options=(size:size spp:one vpls:zero env:text env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
-    visibility:choice select:positive ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
+options=(size:size spp:one vpls:zero env:text env-rotate:angle env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
+    visibility:choice select:positive tolerance:small certainty:share ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
     refine-above:float cache-mb:one shared:flag store:choice hash:choice compare:flag runs:one threads:zero seed:seed output:text
     picture:text reference:text half:flag tiles:flag json:text quiet:flag)
 
 good --help
 [[ ! -s stderr ]] || problem "--help writes to standard error"
-[[ $(lines stdout) -le 40 ]] || problem "$(lines stdout) lines"
+[[ $(lines stdout) -le 42 ]] || problem "$(lines stdout) lines"
 [[ $(<stdout) != *-1* && $(<stdout) != *0,0,0* ]] || problem "a default that says nothing"
 listed=
 while IFS= read -r line; do
@@ -73,7 +73,7 @@ expected=$(printf '%s\n' "${options[@]%%:*}" help | sort)
 mv stdout help
 good cornell -h --spp 4
 same stdout help || problem "-h behind other arguments prints something else"
-finish "--help lists every option in 40 lines of 100 columns"
+finish "--help lists every option in 42 lines of 100 columns"
 
 # --- bad command lines ---
 
@@ -103,6 +103,14 @@ done
 clean_failure 2 "--select does without" cornell --select 4 --visibility exact --store words
 clean_failure 2 "--select does without" cornell --select 4 --visibility cache --ce-delta 8
 clean_failure 2 "--visibility estimate does without" cornell --select 4 --store words
+clean_failure 2 "--tolerance and --certainty need" cornell --tolerance 0.2
+clean_failure 2 "--tolerance and --certainty need" cornell --certainty 0.2 --visibility estimate
+clean_failure 2 "--select draws lights" cornell --visibility adaptive-cache --select 4
+clean_failure 2 "--select draws lights" cornell --select 4 --visibility grid
+clean_failure 2 "GNX is none of" cornell --visibility grid=GNX
+clean_failure 2 "spacing is 5" cornell --visibility grid=OPT,spacing=5
+clean_failure 2 "block=N" cornell --visibility grid=OPT,block=x
+clean_failure 2 "must be a square" cornell --visibility grid --spp 3
 clean_failure 1 "65535x65535" cornell --size 65535x65535 -o out/x.exr
 finish "options that do not fit together are refused"
 
@@ -114,7 +122,10 @@ bad_values() {
     one) values=("${no_int[@]}" 0 -1) ;;
     zero) values=("${no_int[@]}" -1) ;;
     seed) values=("${no_number[@]}" -1 1.5 1e3 18446744073709551616) ;;
+    small) values=("${no_number[@]}" -1 1e999 1001) ;;
+    share) values=("${no_number[@]}" -0.1 1.01 1e999) ;;
     float) values=("${no_number[@]}" -1 1e999 20000) ;;
+    angle) values=("${no_number[@]}" 1e999 -40000 40000) ;;
     positive) values=("${no_number[@]}" 0 -1 1e-9 1e999 20000) ;;
     ratio) values=("${no_number[@]}" 0 1 -2 1e999 17) ;;
     look) values=("" 1 1,2,3,4,5,6 1,2,3,4,5,6,7,8 1,2,3,4,5,6, 1,2,nan,4,5,6,7 1,2,3,inf,5,6,7 1,2,3,4,5,6,1e39) ;;
@@ -192,7 +203,8 @@ printf '\x76\x2f\x31\x01\x02\0\0\0' >header.exr
 for file in missing.hdr missing.exr garbage.hdr garbage.exr header.exr empty.glb folder; do
     clean_failure 1 "$file" cornell "${tiny[@]}" --env "$file" -o out/x.exr
 done
-finish "environment maps that are missing or damaged are refused"
+clean_failure 1 "--env-rotate" cornell "${tiny[@]}" --env-rotate 90 -o out/x.exr
+finish "environment maps that are missing or damaged are refused, and turning none"
 
 quiet=(cornell "${tiny[@]}" --quiet)
 good "${quiet[@]}" -o small.exr
@@ -274,6 +286,18 @@ is_exr both.exr 02020000
 for file in float tiles half both; do quiet_good cornell "${tiny[@]}" --env "$file.exr"; done
 finish "--half and --tiles write EXR files that can be read again"
 
+sky=(cornell "${tiny[@]}" --env float.exr --env-lights 9)
+quiet_good "${sky[@]}" -o sky.exr --json sky.json
+for degrees in 0 90 360; do
+    quiet_good "${sky[@]}" --env-rotate $degrees --reference sky.exr --json sky.json
+    read_json sky.json
+    figure_is env_rotate $degrees
+    figure_is punctual_lights 9
+    [[ $degrees == 90 ]] || figure_is reference.mode_run.l_inf 0
+    [[ $degrees != 90 || ${figure[reference.mode_run.l_inf]} != 0 ]] || problem "a quarter turn changes nothing"
+done
+finish "--env-rotate turns the environment"
+
 quiet_good cornell "${tiny[@]}" -o twice.png
 quiet_good cornell "${tiny[@]}" -o twice.png --look 0,1,4,0,1,0,40
 is_png twice.png
@@ -343,16 +367,36 @@ figure_is served '"exact"'
 figure_is error.l_inf 0
 finish "lights are drawn in three ways"
 
+for pair in adaptive:adaptive adaptive-cache:adaptive-cache; do
+    quiet_good conference-lights --size 48x32 --vpls 0 --visibility "${pair%:*}" --tolerance 0.2 --certainty 0.25 --compare \
+        --json adaptive.json -o adaptive.exr
+    read_json adaptive.json
+    has_keys "${compared[@]}" error.mean_relative error.max_relative
+    figure_is mode "\"${pair#*:}\""
+    figure_is served "\"${pair#*:}\""
+    figure_is tolerance 0.2
+    figure_is certainty 0.25
+    ((${figure[mode_run.rays_traced]:-0} < ${figure[exact.rays]:-0} / 2)) || problem "$pair: many rays"
+done
+good conference-lights-7-diffuse --size 8x8 --vpls 0 --visibility adaptive --tolerance 0 --compare
+[[ $(<stdout) == *", 7 punctual lights"*$'\n'"adaptive: all "*" l_inf 0.000 %"* ]] || problem "no table of t = 0: $(<stdout)"
+good conference-lights --size 8x8 --vpls 0 --visibility adaptive --certainty 0 --shared
+[[ $(<stdout) == *$'\n'"adaptive 0.1 0 "* ]] || problem "no row of t = 0.1, c = 0: $(<stdout)"
+bad_scene conference-lights-0 "did you mean"
+bad_scene conference-lights-65537 built-in
+bad_scene conference-lights-24-sinking built-in
+finish "adaptive shadow testing"
+
 quiet_good cornell "${tiny[@]}" --compare --runs 2 --json runs.json
 read_json runs.json
 figure_is runs 2
 has_keys "${compared[@]}"
 finish "--runs 2"
 
-quiet_good cornell "${tiny[@]}" --threads 2 --json own.json
+quiet_good cornell "${tiny[@]}" --size 192x160 --threads 2 --json own.json
 read_json own.json
 own=${figure[mode_run.cache_bytes]:-0}
-quiet_good cornell "${tiny[@]}" --threads 2 --shared --json shared.json
+quiet_good cornell "${tiny[@]}" --size 192x160 --threads 2 --shared --json shared.json
 read_json shared.json
 [[ $own -gt 0 && $((2 * ${figure[mode_run.cache_bytes]:-0})) -eq $own ]] ||
     problem "shared: ${figure[mode_run.cache_bytes]-} bytes, one per thread: $own"

@@ -18,7 +18,7 @@ tiny=(cornell --size 32x18 --threads 1)
 good --help
 [[ $(lines stdout) -le 40 && ! -s stderr ]] || problem "more than 40 lines of help"
 awk 'length > 100 { exit 1 }' stdout || problem "a line of help is longer than 100 columns"
-for option in resume time epoch visibility ce heuristic edges strategy cache-mb; do
+for option in resume time epoch env-rotate visibility ce heuristic edges strategy cache-mb; do
     grep -q -- "--$option " stdout || problem "no --$option in the help"
 done
 finish "--help fits one screen"

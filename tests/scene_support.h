@@ -148,4 +148,34 @@ static inline void add_point_light(scene *s, vec3 position, float intensity)
         s, (light){.kind = LIGHT_POINT, .position = position, .intensity = v3(intensity, intensity, intensity)});
 }
 
+/* Moves all of a scene by a rotation and an offset. */
+static inline void move_scene(scene *s, camera *c, const float m[12])
+{
+    for (uint32_t i = 0; i < s->instance_count; i++) {
+        float *to = s->instances[i].to_world, old[12];
+        memcpy(old, to, sizeof old);
+        for (int r = 0; r < 3; r++)
+            for (int k = 0; k < 4; k++)
+                to[4 * r + k] = m[4 * r] * old[k] + m[4 * r + 1] * old[4 + k] + m[4 * r + 2] * old[8 + k] +
+                                (k == 3 ? m[4 * r + 3] : 0.0f);
+    }
+    for (uint32_t i = 0; i < s->light_count; i++) {
+        s->lights[i].position = transform_point(m, s->lights[i].position);
+        s->lights[i].direction = v3_normalize(transform_vector(m, s->lights[i].direction));
+    }
+    *c = camera_look(transform_point(m, c->eye), transform_point(m, v3_add(c->eye, c->forward)),
+                     transform_vector(m, c->up), c->yfov);
+}
+
+/* Around (1, 2, 3), then to `offset`. */
+static inline void motion(float angle, vec3 offset, float m[12])
+{
+    vec3 a = v3_normalize(v3(1, 2, 3));
+    float c = cosf(angle), s = sinf(angle), t = 1.0f - c;
+    const float rows[12] = {t * a.x * a.x + c,       t * a.x * a.y - s * a.z, t * a.x * a.z + s * a.y, offset.x,
+                            t * a.x * a.y + s * a.z, t * a.y * a.y + c,       t * a.y * a.z - s * a.x, offset.y,
+                            t * a.x * a.z - s * a.y, t * a.y * a.z + s * a.x, t * a.z * a.z + c,       offset.z};
+    memcpy(m, rows, sizeof rows);
+}
+
 #endif

@@ -572,12 +572,65 @@ static void rates(void **state)
     }
 }
 
+/* Two points at a time whose answers count together; a relaxation of 0 tests and counts all that contributes. */
+static void pilot(void **state)
+{
+    (void)state;
+    enum { N = 500 };
+    static float contribution[2][N], weight[2][N];
+    static uint32_t order[2][N];
+    vcache_adaptive *a = make(N, 0.5f, 0.0f, false);
+    vcache_adaptive_worker *w[2] = {make_tester(a), NULL};
+    char message[VCACHE_MESSAGE_BYTES];
+    assert_int_equal(vcache_adaptive_worker_create_beside(NULL, &w[1], message), VCACHE_ERROR_ARGUMENT);
+    assert_string_equal(message, "first is NULL");
+    assert_int_equal(vcache_adaptive_worker_create_beside(w[0], NULL, message), VCACHE_ERROR_ARGUMENT);
+    assert_int_equal(vcache_adaptive_worker_create_beside(w[0], &w[1], message), VCACHE_OK);
+    uint64_t seed = 9;
+    uint32_t candidates[2] = {0}, given[2] = {0}, n[2];
+    vcache_answer answers[64];
+    for (int k = 0; k < 2; k++) {
+        for (uint32_t i = 0; i < N; i++) {
+            contribution[k][i] = i % 3 ? 1e-30f + random_contribution(&seed, 1) : 0.0f;
+            candidates[k] += i % 3 != 0;
+        }
+        contribution[k][1] = 1e30f; /* beside this no other counts */
+        vcache_adaptive_begin(w[k], contribution[k], weight[k], 0.0f);
+    }
+    do /* by turns */
+        for (int k = 0; k < 2; k++) {
+            n[k] = vcache_adaptive_next(w[k], order[k] + given[k], 64);
+            for (uint32_t i = 0; i < n[k]; i++)
+                answers[i] = order[k][given[k] + i] % 2 ? VCACHE_VISIBLE : VCACHE_BLOCKED;
+            vcache_adaptive_tell(w[k], answers);
+            given[k] += n[k];
+        }
+    while (n[0] + n[1] > 0);
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(vcache_adaptive_finish(w[k]), candidates[k]);
+        assert_int_equal(counts_of(w[k]).tested, candidates[k]);
+        for (uint32_t i = 1; i < candidates[k]; i++)
+            assert_true(contribution[k][order[k][i - 1]] >= contribution[k][order[k][i]]);
+        for (uint32_t i = 0; i < N; i++)
+            assert_true(weight[k][i] == (i % 3 && i % 2 ? 1.0f : 0.0f));
+    }
+    vcache_adaptive_merge(a, w, 1); /* the first: both */
+    for (uint32_t i = 0; i < N; i++) {
+        vcache_adaptive_source s = vcache_adaptive_source_rate(a, i);
+        assert_int_equal(s.tests, i % 3 ? 2 : 0);
+        assert_int_equal(s.hits, i % 3 && i % 2 ? 2 : 0);
+    }
+    vcache_adaptive_worker_destroy(&w[1]);
+    vcache_adaptive_worker_destroy(&w[0]);
+    vcache_adaptive_destroy(&a);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(creation),  cmocka_unit_test(by_hand),     cmocka_unit_test(at_once),
-        cmocka_unit_test(as_sorted), cmocka_unit_test(exact),       cmocka_unit_test(bound),
-        cmocka_unit_test(range),     cmocka_unit_test(comparisons), cmocka_unit_test(rates),
+        cmocka_unit_test(creation), cmocka_unit_test(by_hand), cmocka_unit_test(at_once), cmocka_unit_test(as_sorted),
+        cmocka_unit_test(exact),    cmocka_unit_test(bound),   cmocka_unit_test(range),   cmocka_unit_test(comparisons),
+        cmocka_unit_test(rates),    cmocka_unit_test(pilot),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

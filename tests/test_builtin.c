@@ -10,7 +10,15 @@
 
 #include <cmocka.h>
 
-static const char *const names[] = {"atrium", "cornell", "shapes", "dominoes", "plant"};
+static const char *const names[] = {"atrium",
+                                    "cornell",
+                                    "shapes",
+                                    "dominoes",
+                                    "plant",
+                                    "conference-lights",
+                                    "conference-lights-192",
+                                    "conference-lights-floating",
+                                    "conference-lights-diffuse"};
 enum { SCENES = sizeof names / sizeof *names };
 
 static scene *build(const char *name)
@@ -36,8 +44,9 @@ static void test_names(void **state)
     for (int i = 0; i < SCENES; ++i)
         assert_string_equal(scene_builtin_names[i], names[i]);
     assert_null(scene_builtin_names[SCENES]);
-    const char *const unknown[] = {"", "Atrium", "atrium ", "teapot", NULL};
-    for (int i = 0; i < 5; ++i) {
+    const char *const unknown[] = {"",  "Atrium", "atrium ", "teapot", "conference-lights-0", "conference-lights-5x",
+                                   NULL};
+    for (int i = 0; i < 7; ++i) {
         s = (scene *)&s;
         assert_false(scene_builtin(unknown[i], &s));
         assert_null(s);
@@ -52,11 +61,10 @@ static void test_accepted_with_expected_counts(void **state)
         uint64_t least, most;
         uint32_t lights, cameras;
         bool environment;
-    } expected[SCENES] = {{200000, 600000, 1, 2, true},
-                          {80, 200, 0, 1, false},
-                          {40000, 100000, 0, 2, false},
-                          {400 * 44, 20000, 0, 2, false},
-                          {30000, 200000, 0, 2, false}};
+    } expected[SCENES] = {
+        {200000, 600000, 1, 2, true},   {80, 200, 0, 1, false},        {40000, 100000, 0, 3, false},
+        {400 * 44, 20000, 0, 3, false}, {30000, 200000, 0, 3, false},  {50000, 200000, 24, 2, false},
+        {50000, 200000, 192, 2, false}, {50000, 200000, 24, 2, false}, {50000, 200000, 192, 2, false}};
     notice_enable(false);
     for (int i = 0; i < SCENES; ++i) {
         scene *s = build(names[i]);
@@ -309,7 +317,7 @@ static void test_solids_closed(void **state)
 static void test_scene_meshes_closed(void **state)
 {
     (void)state;
-    static const uint32_t sheets[SCENES] = {6, 0, 0, 0, 3};
+    static const uint32_t sheets[SCENES] = {6, 0, 0, 0, 3, 1, 1, 1, 1};
     for (int i = 0; i < SCENES; ++i) {
         scene *s = build(names[i]);
         uint32_t open = 0;
@@ -320,13 +328,58 @@ static void test_scene_meshes_closed(void **state)
     }
 }
 
+/* As many lights as the name says, all as bright together, below their fixtures; floating furniture is the same but
+ * higher. */
+static void test_conference_lights(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        uint32_t lights;
+    } expected[] = {{"conference-lights-1", 1},
+                    {"conference-lights", 24},
+                    {"conference-lights-25-floating", 25},
+                    {"conference-lights-1000", 1000},
+                    {"conference-lights-65536-floating", 65536}};
+    float floor_height[2] = {0};
+    double power = 0.0;
+    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
+        scene *s = build(expected[i].name);
+        double all = 0.0;
+        assert_int_equal(s->light_count, expected[i].lights);
+        for (uint32_t k = 0; k < s->light_count; k++) {
+            const light *l = &s->lights[k];
+            all += (double)l->intensity.y;
+            assert_true(l->position.y > 2.9f && l->position.y < 2.97f);
+            assert_true(fabsf(l->position.x) < 5.61f && fabsf(l->position.z) < 3.31f);
+        }
+        if (i == 0)
+            power = all;
+        else
+            assert_true(fabs(all / power - 1.0) < 1e-4);
+        bool floating = strstr(expected[i].name, "floating") != NULL;
+        floor_height[floating] = s->instances[s->instance_count - 1].to_world[7];
+        scene_free(s);
+    }
+    assert_true(floor_height[0] == 0.0f && fabsf(floor_height[1] - 0.3f) < 1e-6f);
+    scene *diffuse = build("conference-lights-48-diffuse");
+    assert_int_equal(diffuse->light_count, 48);
+    assert_true(diffuse->lights[47].power == 1 && diffuse->lights[47].cos_outer == 0.0f);
+    scene_free(diffuse);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_names),         cmocka_unit_test(test_accepted_with_expected_counts),
-        cmocka_unit_test(test_meshes),        cmocka_unit_test(test_deterministic),
-        cmocka_unit_test(test_cameras),       cmocka_unit_test(test_atrium_light_is_balanced),
-        cmocka_unit_test(test_solids_closed), cmocka_unit_test(test_scene_meshes_closed),
+        cmocka_unit_test(test_names),
+        cmocka_unit_test(test_accepted_with_expected_counts),
+        cmocka_unit_test(test_meshes),
+        cmocka_unit_test(test_deterministic),
+        cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_atrium_light_is_balanced),
+        cmocka_unit_test(test_solids_closed),
+        cmocka_unit_test(test_scene_meshes_closed),
+        cmocka_unit_test(test_conference_lights),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

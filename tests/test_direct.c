@@ -185,10 +185,13 @@ static void check_punctual(const view *v, const chunk *c, uint32_t e, findings *
         f->punctual += asked;
         if (!c->reflects[e])
             continue;
-        const light_sample *s = &c->punctual[(size_t)e * b->lights + i];
-        assert_true(near_to(s->value, one.value));
-        assert_memory_equal(&s->target, &one.target, sizeof one.target);
-        assert_int_equal(s->infinite, one.infinite);
+        float geometry = c->punctual_geometry[(size_t)e * c->punctual.padded + i];
+        rgb response = punctuals_response(&c->punctual, c->eyes[e], i);
+        bool infinite;
+        vec3 target = punctuals_target(&c->punctual, i, &infinite);
+        assert_true(!asked || near_to(v3_mul(v3_scale(response, geometry), c->eyes[e]->weight), one.value));
+        assert_memory_equal(&target, &one.target, sizeof target);
+        assert_int_equal(infinite, one.infinite);
     }
 }
 

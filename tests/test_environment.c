@@ -196,6 +196,42 @@ static void suns_are_sampled_right(void **state)
     }
 }
 
+/* Right-handed about +y; lookup, density and samples turn together. */
+static void rotated_maps_are_the_same_turned(void **state)
+{
+    (void)state;
+    image map = noise_map(16, 8, 4.0f);
+    environment *straight = from(&map), *turned = from(&map);
+    static const double degrees[] = {0.0, 90.0, 34.65, -77.85, 359.99, 1234.5};
+    for (size_t k = 0; k < sizeof degrees / sizeof *degrees; ++k) {
+        environment_rotate(turned, degrees[k]);
+        double s = sin(degrees[k] * pi / 180.0), c = cos(degrees[k] * pi / 180.0);
+        rng r = rng_make(3, k);
+        for (int n = 0; n < 20000; ++n) {
+            float u1 = rng_float(&r), u2 = rng_float(&r), pdf, pdf_turned;
+            rgb radiance, radiance_turned;
+            vec3 d = environment_sample(straight, u1, u2, &radiance, &pdf);
+            vec3 expected = v3((float)(c * d.x + s * d.z), d.y, (float)(c * d.z - s * d.x));
+            close_to(environment_radiance(turned, expected), radiance, 3e-5);
+            assert_true(v3_length(v3_sub(environment_rotated(turned, d), expected)) < 1e-6f);
+            vec3 drawn = environment_sample(turned, u1, u2, &radiance_turned, &pdf_turned);
+            assert_true(v3_length(v3_sub(drawn, expected)) < 1e-5f);
+            close_to(radiance_turned, radiance, 3e-5);
+            if (k == 0) /* not turned: bit by bit */
+                assert_true(memcmp(&drawn, &d, sizeof d) == 0 && pdf == pdf_turned);
+        }
+        if (k == 2 || k == 3) /* by whole cells of the quadrature */
+            check_map(turned, 400, 100000, 1e-4);
+    }
+    environment_free(straight);
+    environment_free(turned);
+    image_free(&map);
+    environment *uniform = environment_uniform(v3(1, 2, 3));
+    environment_rotate(uniform, 50.0);
+    check_map(uniform, 200, 20000, 1e-4);
+    environment_free(uniform);
+}
+
 /* Texels so narrow that rounding often carries a sample over the border into the dark. */
 static void rounding_never_loses_the_density(void **state)
 {
@@ -426,6 +462,7 @@ int main(void)
         cmocka_unit_test(samples_follow_the_density),
         cmocka_unit_test(batches_equal_single_samples),
         cmocka_unit_test(angles_are_those_of_libm),
+        cmocka_unit_test(rotated_maps_are_the_same_turned),
         cmocka_unit_test(rounding_never_loses_the_density),
         cmocka_unit_test(uniform_and_black_are_drawn_uniformly),
         cmocka_unit_test(white_map_is_uniform),

@@ -232,6 +232,9 @@ static void refuses_bad_values(void **state)
     scene_add_light(s, (light){.kind = LIGHT_SPOT, .direction = {0, 0, 1}, .cos_inner = 0.1f, .cos_outer = 0.9f});
     assert_refused(s, "cone");
     s = square_scene();
+    scene_add_light(s, (light){.kind = LIGHT_SPOT, .direction = {0, 0, 1}, .power = LIGHT_POWER_MAX + 1});
+    assert_refused(s, "light 0: fall-off to the power of 32");
+    s = square_scene();
     scene_add_camera(s, camera_look(v3(0, 0, 0), v3(0, 0, 1), v3(0, 1, 0), 0));
     assert_refused(s, "camera 0");
 }

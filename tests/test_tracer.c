@@ -142,8 +142,18 @@ static void compare_packets(const tracer *t, rng *r, bool solid, int *blocked, i
     }
 }
 
+/* What Embree has on this machine: wider packets are emulated, and touch lanes that are not active. */
+static int native_width(void)
+{
+#if defined(__x86_64__)
+    return __builtin_cpu_supports("avx512vl") ? 16 : __builtin_cpu_supports("avx") ? 8 : 4;
+#else
+    return 4;
+#endif
+}
+
 /* Stands before Embree's own, so that tests can play a machine with narrower vectors. */
-static int widest = 16;
+static int widest;
 static bool ray_masks = true;
 
 ssize_t rtcGetDeviceProperty(RTCDevice device, enum RTCDeviceProperty property)
@@ -171,6 +181,8 @@ static void packets_equal_single_rays(void **state)
     scene *s = mixed_soup(&r, 400);
     for (int i = 0; i < 4; i++) {
         int blocked[2] = {0, 0}, open[2] = {0, 0};
+        if (widths[i] > native_width())
+            continue;
         widest = widths[i];
         tracer *t = trace(s);
         for (int solid = 0; solid < 2; solid++) {
@@ -180,7 +192,7 @@ static void packets_equal_single_rays(void **state)
         assert_true(blocked[1] > 1.3 * blocked[0]); /* half of all is glass */
         tracer_free(t);
     }
-    widest = 16;
+    widest = native_width();
     scene_free(s);
 }
 
@@ -255,7 +267,7 @@ static void glass_blocks_solid_rays_alone(void **state)
             check_panes(t);
             tracer_free(t);
         }
-        widest = 16;
+        widest = native_width();
         scene_free(s);
     }
 }
@@ -535,6 +547,7 @@ static void empty_scene_has_no_hits(void **state)
 
 int main(void)
 {
+    widest = native_width();
     tracer_thread_init();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(closest_equals_brute_force),

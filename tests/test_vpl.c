@@ -504,8 +504,11 @@ static void odd_sizes(void **state)
             g.v.settings.shared = true;
             g.v.settings.threads = 3;
             frame shared = stage_render(&g, 8.0f);
-            assert_true(mean_lit(&exact) > 0.0 && exact.rays.asked == shared.rays.asked);
-            assert_true(fabs(mean_lit(&cached) / mean_lit(&exact) - 1.0) < 0.3);
+            assert_true(exact.rays.asked > 0 && exact.rays.asked == shared.rays.asked);
+            if (i > 0 || spp > 1) { /* a single path can lie in the dark, as between boxes that touch */
+                assert_true(mean_lit(&exact) > 0.0);
+                assert_true(fabs(mean_lit(&cached) / mean_lit(&exact) - 1.0) < 0.3);
+            }
             frame_free(&exact);
             frame_free(&cached);
             frame_free(&shared);

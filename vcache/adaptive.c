@@ -131,6 +131,31 @@ void vcache_adaptive_destroy(vcache_adaptive **adaptive)
     *adaptive = NULL;
 }
 
+static vcache_status worker_new(vcache_adaptive *adaptive, vcache_adaptive_worker *first, vcache_adaptive_worker **out,
+                                char *message)
+{
+    size_t n = adaptive->config.sources, counts = first ? 0 : 2 * n;
+    size_t header = (sizeof(vcache_adaptive_worker) + 63) / 64 * 64;
+    size_t bytes = header + (counts + n + n / 64 + 1 + n / 4096 + 1) * sizeof(uint64_t) + (n + 1) * sizeof(double);
+    const vcache_allocator *a = &adaptive->config.allocator;
+    char *block = a->allocate(a->context, bytes);
+    if (!block)
+        return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a worker of %zu sources", n);
+    vcache_adaptive_worker *w = (vcache_adaptive_worker *)(void *)block;
+    w->adaptive = adaptive;
+    w->bytes = bytes;
+    uint64_t *own = (uint64_t *)(void *)(block + header);
+    w->tests = first ? first->tests : own;
+    w->hits = first ? first->hits : own + n;
+    w->ranking.keys = own + counts;
+    w->ranking.cuts = w->ranking.keys + n;
+    w->ranking.words = w->ranking.cuts + n / 64 + 1;
+    w->ranking.rest = (double *)(void *)(w->ranking.words + n / 4096 + 1);
+    w->scanned = adaptive->config.sources;
+    *out = w;
+    return VCACHE_OK;
+}
+
 vcache_status vcache_adaptive_worker_create(vcache_adaptive *adaptive, vcache_adaptive_worker **out, char *message)
 {
     if (message)
@@ -140,23 +165,20 @@ vcache_status vcache_adaptive_worker_create(vcache_adaptive *adaptive, vcache_ad
     *out = NULL;
     if (!adaptive)
         return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "adaptive is NULL");
-    size_t n = adaptive->config.sources, header = (sizeof(vcache_adaptive_worker) + 63) / 64 * 64;
-    size_t bytes = header + (3 * n + n / 64 + 1) * sizeof(uint64_t) + (n + 1) * sizeof(double);
-    const vcache_allocator *a = &adaptive->config.allocator;
-    char *block = a->allocate(a->context, bytes);
-    if (!block)
-        return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a worker of %zu sources", n);
-    vcache_adaptive_worker *w = (vcache_adaptive_worker *)(void *)block;
-    w->adaptive = adaptive;
-    w->bytes = bytes;
-    w->tests = (uint64_t *)(void *)(block + header);
-    w->hits = w->tests + n;
-    w->ranking.keys = w->hits + n;
-    w->ranking.cuts = w->ranking.keys + n;
-    w->ranking.rest = (double *)(void *)(w->ranking.cuts + n / 64 + 1);
-    w->scanned = adaptive->config.sources;
-    *out = w;
-    return VCACHE_OK;
+    return worker_new(adaptive, NULL, out, message);
+}
+
+vcache_status vcache_adaptive_worker_create_beside(vcache_adaptive_worker *first, vcache_adaptive_worker **out,
+                                                   char *message)
+{
+    if (message)
+        message[0] = 0;
+    if (!out)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "out is NULL");
+    *out = NULL;
+    if (!first)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "first is NULL");
+    return worker_new(first->adaptive, first, out, message);
 }
 
 void vcache_adaptive_worker_destroy(vcache_adaptive_worker **worker)
@@ -177,16 +199,23 @@ static inline bool contributes(float contribution, uint32_t *bits)
     return *bits - 1 < 0x7f7fffffu;
 }
 
-/* Step 2: S t > r(i), where `threshold` is S t and i the next to be given out. */
-static bool enough(vcache_adaptive_worker *w, double threshold)
+/* Share of what remains that rounding does not reach. */
+#define CLEARLY 1e-9
+
+/* Step 2: S t > r(i), where `threshold` is S t and i the next to be given out. *below: how far S t at least is below
+ * r(i), if that is known. */
+static bool enough(vcache_adaptive_worker *w, double threshold, double *below)
 {
+    *below = 0.0;
     if (!(threshold > 0.0))
         return false;
     ranking *r = &w->ranking;
     uint32_t first = w->given, terms = w->adaptive->terms;
     double remain = r->rest[first];
-    if (terms >= r->count - first || threshold > remain)
+    if (terms >= r->count - first || threshold > remain) {
+        *below = remain - threshold;
         return threshold > remain;
+    }
     if (terms == 1) {
         ranking_sort(r, first);
         return threshold > ranking_value(r->keys[first]);
@@ -202,8 +231,10 @@ static bool enough(vcache_adaptive_worker *w, double threshold)
         double least = before + all * inside / (high - low), most = before + all;
         if (low > first && before + inside * ranking_value(r->keys[low - 1]) < most)
             most = before + inside * ranking_value(r->keys[low - 1]);
-        if (threshold <= least)
+        if (threshold <= least) {
+            *below = least - threshold;
             return false;
+        }
         if (threshold > most)
             return true;
         ranking_part(r, low, high);
@@ -223,6 +254,8 @@ void vcache_adaptive_begin(vcache_adaptive_worker *w, const float *contribution,
         return;
     if (relaxation > 1.0f)
         w->tolerance *= (double)relaxation;
+    else if (relaxation == 0.0f)
+        w->tolerance = DBL_MIN;
     w->scanned = config->sources;
     ranking *r = &w->ranking;
     double sum = 0.0;
@@ -258,10 +291,16 @@ uint32_t vcache_adaptive_next(vcache_adaptive_worker *w, uint32_t *sources, uint
         return next_exact(w, sources, capacity);
     ranking *r = &w->ranking;
     uint32_t count = 0;
-    while (count < capacity && w->given < r->count && !enough(w, w->at_most * w->tolerance)) {
+    double below =
+        0.0; /* of S t below r(i); each source given out takes at most its value from r, and its t from S t */
+    while (count < capacity && w->given < r->count) {
+        if (below <= CLEARLY * r->rest[w->given] && enough(w, w->at_most * w->tolerance, &below))
+            break;
         ranking_sort(r, w->given);
         uint64_t key = r->keys[w->given++];
-        w->at_most += ranking_value(key);
+        double value = ranking_value(key);
+        w->at_most += value;
+        below -= value * (1.0 + w->tolerance);
         sources[count++] = ranking_source(key);
     }
     return count;

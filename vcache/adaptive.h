@@ -37,6 +37,9 @@
  *   any tile; at its end wait for all threads, merge all workers in one call, go on. The picture is then the same bit
  *   for bit for any number of threads. Each round costs a barrier, and N additions per worker; rounds that double in
  *   size (1, 1, 2, 4, 8 ... tiles) learn soon and need few. In the first round nothing is known but the prior.
+ *   Or learn before all else, at some points with a relaxation of 0, where all sources are tested; merge; never again.
+ *   That needs no rounds, and its rates are better: those of step 2 alone are too low, as more is tested in the shadow
+ *   than in the light (docs/adaptive.md).
  * - Free-running: every answer is counted at once for all threads. No barriers, no merging; each test costs one or two
  *   atomic additions on memory that all threads write to, and a render is not the same picture twice unless one thread
  *   makes it.
@@ -53,8 +56,10 @@
 extern "C" {
 #endif
 
+/* The most light sources. */
 #define VCACHE_ADAPTIVE_MAX_SOURCES 16777216
 
+/* What it is made from; start from vcache_adaptive_default_config. */
 typedef struct vcache_adaptive_config {
     size_t size;       /* sizeof(vcache_adaptive_config), set by vcache_adaptive_default_config */
     uint32_t sources;  /* N, 1 ... VCACHE_ADAPTIVE_MAX_SOURCES; no default */
@@ -71,6 +76,7 @@ typedef struct vcache_adaptive_config {
 /* Hit rates of the sources, for one render of one scene. Any number of threads may read it through their workers. */
 typedef struct vcache_adaptive vcache_adaptive;
 
+/* All fields set to their defaults: `sources` remains to be set. */
 VCACHE_API vcache_adaptive_config vcache_adaptive_default_config(void);
 /* On failure *out is NULL and `message` (VCACHE_MESSAGE_BYTES bytes, or NULL) says which value is wrong. */
 VCACHE_API vcache_status vcache_adaptive_create(const vcache_adaptive_config *config, vcache_adaptive **out,
@@ -78,10 +84,14 @@ VCACHE_API vcache_status vcache_adaptive_create(const vcache_adaptive_config *co
 /* After its workers. Sets *adaptive to NULL; NULL and a pointer to NULL are fine. */
 VCACHE_API void vcache_adaptive_destroy(vcache_adaptive **adaptive);
 
-/* Scratch, counts and statistics of one thread (about 33 bytes a source). */
+/* One point at a time: scratch, counts and statistics of one thread (about 33 bytes a source, 17 beside another). */
 typedef struct vcache_adaptive_worker vcache_adaptive_worker;
 VCACHE_API vcache_status vcache_adaptive_worker_create(vcache_adaptive *adaptive, vcache_adaptive_worker **out,
                                                        char *message);
+/* Another one for the same thread, that counts into `first`'s counts: for several points at a time, so that their tests
+ * can share packets of rays. Merging `first` merges both; destroy it after this one. */
+VCACHE_API vcache_status vcache_adaptive_worker_create_beside(vcache_adaptive_worker *first,
+                                                              vcache_adaptive_worker **out, char *message);
 /* Counts that were not merged are lost. */
 VCACHE_API void vcache_adaptive_worker_destroy(vcache_adaptive_worker **worker);
 
@@ -91,7 +101,8 @@ VCACHE_API void vcache_adaptive_worker_destroy(vcache_adaptive_worker **worker);
  * that is the same for all (luminance, say), in any order. 0, negative, NaN and infinite: never tested, weight 0.
  * `weight`: [sources] written by the calls below. Both must stay where they are until the point is finished, and must
  * not overlap. `relaxation` >= 1 multiplies the tolerance: 1 / (the ray's weight in the pixel), say, for rays at the
- * end of specular chains (Sect. 5); below 1 and NaN count as 1. A tolerance of 0 stays 0. */
+ * end of specular chains (Sect. 5). 0: all with a contribution are tested and counted, brightest first, to learn hit
+ * rates from. Else below 1, and NaN, count as 1. A tolerance of 0 stays 0. */
 VCACHE_API void vcache_adaptive_begin(vcache_adaptive_worker *worker, const float *contribution, float *weight,
                                       float relaxation);
 
@@ -118,6 +129,7 @@ VCACHE_API uint32_t vcache_adaptive_finish(vcache_adaptive_worker *worker);
 VCACHE_API void vcache_adaptive_merge(vcache_adaptive *adaptive, vcache_adaptive_worker *const *workers,
                                       uint32_t count);
 
+/* What is known of a source. */
 typedef struct vcache_adaptive_source {
     uint64_t tests, hits; /* w(i), v(i): merged so far, or by now where free-running. Not counted at t = 0, where
                              nothing reads them */
@@ -127,6 +139,7 @@ typedef struct vcache_adaptive_source {
 /* `source` < sources. */
 VCACHE_API vcache_adaptive_source vcache_adaptive_source_rate(const vcache_adaptive *adaptive, uint32_t source);
 
+/* Counts of a worker. */
 typedef struct vcache_adaptive_statistics {
     size_t size;         /* in: sizeof(vcache_adaptive_statistics); out: bytes that this version filled */
     uint64_t points;     /* finished */

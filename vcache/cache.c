@@ -205,7 +205,9 @@ void vcache_clear(vcache *c)
 {
     /* Every pair gets another key; what is in the table looks foreign from now on and is overwritten as such. */
     uint64_t epoch = atomic_fetch_add_explicit(&c->epoch, 1, memory_order_relaxed) + 1;
-    atomic_store_explicit(&c->epoch_key, hash_words(epoch, 0, 0x589965cc75374cc3u), memory_order_release);
+    /* chained, so that it is new after a vcache_load as well */
+    uint64_t old = atomic_load_explicit(&c->epoch_key, memory_order_relaxed);
+    atomic_store_explicit(&c->epoch_key, hash_words(epoch, old, 0x589965cc75374cc3u), memory_order_release);
 }
 
 const char *vcache_isa(const vcache *c)
@@ -239,6 +241,8 @@ const char *vcache_status_text(vcache_status status)
         return "bad argument";
     case VCACHE_ERROR_MEMORY:
         return "out of memory";
+    case VCACHE_ERROR_FILE:
+        return "bad file";
     }
     return "unknown status";
 }

@@ -5,12 +5,9 @@
 
 #include "hash.h"
 #include "kernels.h"
+#include "names.h"
 #include "table.h"
 #include "vcache.h"
-
-#if defined(__FAST_MATH__)
-#error "vcache's keys need IEEE arithmetic: compile without -ffast-math"
-#endif
 
 /* Steps of the resolution curve: C_R^k up to 2^32, k < 456 for C_R = 1.05. */
 #define VCACHE_MAX_STEPS 512

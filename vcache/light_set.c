@@ -6,6 +6,17 @@
 #include <math.h>
 #include <string.h>
 
+void light_set_place(vcache_light_set *s, uint32_t i)
+{
+    const vcache_light *l = &s->lights[i];
+    /* NaN is never far enough */
+    s->x[i] = l->bad ? NAN : l->position[0];
+    s->y[i] = l->position[1];
+    s->z[i] = l->position[2];
+    /* a bypass is !(distance^2 >= side^2): never for directions, always for ends that cannot be quantized */
+    s->side_squared[i] = l->bad ? INFINITY : l->side_squared;
+}
+
 vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights, uint32_t count, uint64_t bytes,
                                       vcache_light_set **out, char *message)
 {
@@ -49,14 +60,8 @@ vcache_status vcache_light_set_create(vcache *cache, const vcache_light *lights,
     s->z = s->y + padded;
     s->side_squared = s->z + padded;
     memcpy(s->lights, lights, count * sizeof *lights);
-    for (uint32_t i = 0; i < count; i++) {
-        /* NaN is never far enough */
-        s->x[i] = lights[i].bad ? NAN : lights[i].position[0];
-        s->y[i] = lights[i].position[1];
-        s->z[i] = lights[i].position[2];
-        /* a bypass is !(distance^2 >= side^2): never for directions, always for ends that cannot be quantized */
-        s->side_squared[i] = lights[i].bad ? INFINITY : lights[i].side_squared;
-    }
+    for (uint32_t i = 0; i < count; i++)
+        light_set_place(s, i);
     *out = s;
     return VCACHE_OK;
 }
@@ -138,6 +143,18 @@ static void ask_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *e
     }
 }
 
+static void verify_set(vcache_worker *w, vcache_light_set *set, const vcache_eye *eye, uint32_t base, uint64_t bits,
+                       uint32_t level, uint64_t said, uint64_t *visible)
+{
+    pair p = {.from.eye = eye, .set = set, .visible = visible};
+    for (; bits; bits &= bits - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(bits);
+        p.bit = base + i;
+        p.to.light = &set->lights[p.bit];
+        worker_verify(w, &p, level, said >> i & 1u);
+    }
+}
+
 /* Words of one pass: rows are copied to the stack in pieces of this size. */
 enum { PIECE = 16 };
 
@@ -168,6 +185,8 @@ static void add_rows(vcache_worker *w, vcache_light_set *set, const vcache_eye *
             hits += count_ones(found[i]);
             visible[first + i] = (visible[first + i] & ~found[i]) | (found[i] & seen[0][i]);
             any |= rest[i];
+            if (w->config.verify)
+                verify_set(w, set, eye, 64 * (first + i), found[i], d, seen[0][i], visible);
             if (missing[i])
                 ask_set(w, set, eye, 64 * (first + i), missing[i], d, keys[0], refine, visible);
         }

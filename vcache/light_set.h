@@ -31,6 +31,9 @@ struct vcache_light_set {
     float *x, *y, *z, *side_squared; /* of the lights, for bypasses; padded to whole words */
 };
 
+/* light_set.c: copies where light i is to the arrays that the kernels read. */
+void light_set_place(vcache_light_set *s, uint32_t i);
+
 /* estimate.c */
 /* `share`: visible rays by state; NULL: what is expected at first. */
 void predict_states(vcache_drawing drawing, const float share[STATES], float states[STATES]);

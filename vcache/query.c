@@ -141,6 +141,12 @@ static inline void add_block(vcache_worker *w, vcache_hash family, int cells, ui
     w->statistics.hits[0] += count_ones(found);
     w->statistics.hit_levels |= found != 0;
     visible[base / 64] = (visible[base / 64] & ~found) | (yes & found);
+    for (uint64_t bits = w->config.verify ? found : 0; bits; bits &= bits - 1) {
+        uint32_t i = (uint32_t)count_trailing_zeros(bits);
+        p.bit = base + i;
+        p.to.light = &lights[p.bit];
+        worker_verify(w, &p, 0, yes >> i & 1u);
+    }
 }
 
 static inline uint32_t add_family(vcache_worker *w, vcache_hash family, const vcache_eye *eye,
@@ -191,6 +197,8 @@ static inline bool visible_family(vcache_worker *w, vcache_hash family, const vc
     step s = walk(w->cache, family, worker_epoch(w), eye, light, 0);
     if (s.known) {
         worker_count_hit(w, s.level);
+        if (w->config.verify)
+            worker_verify_one(w, eye, light, s.level, s.visible, trace, context);
         return s.visible;
     }
     place at = s.at; /* so that the step itself can stay in registers */

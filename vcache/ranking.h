@@ -21,9 +21,10 @@ enum { RANKING_SMALL = 12 };
 
 typedef struct ranking {
     uint32_t count;
-    uint64_t *keys; /* [count] */
-    double *rest;   /* [count + 1] at a cut c: the sum of keys[c ... count - 1] */
-    uint64_t *cuts; /* [count / 64 + 1] bit c: keys[0 ... c - 1] > keys[c ... count - 1] */
+    uint64_t *keys;  /* [count] */
+    double *rest;    /* [count + 1] at a cut c: the sum of keys[c ... count - 1] */
+    uint64_t *cuts;  /* [count / 64 + 1] bit c: keys[0 ... c - 1] > keys[c ... count - 1] */
+    uint64_t *words; /* [count / 4096 + 1] bit w: there is one in cuts[w] */
     uint64_t compared;
 } ranking;
 
@@ -50,6 +51,7 @@ static inline double ranking_value(uint64_t key)
 static inline void ranking_cut(ranking *r, uint32_t at, double rest)
 {
     r->cuts[at / 64] |= (uint64_t)1 << (at % 64);
+    r->words[at / 4096] |= (uint64_t)1 << (at / 64 % 64);
     r->rest[at] = rest;
 }
 
@@ -57,8 +59,28 @@ static inline void ranking_cut(ranking *r, uint32_t at, double rest)
 static inline void ranking_begin(ranking *r, double sum)
 {
     memset(r->cuts, 0, (r->count / 64 + 1) * sizeof *r->cuts);
+    memset(r->words, 0, (r->count / 4096 + 1) * sizeof *r->words);
     ranking_cut(r, r->count, 0.0);
     ranking_cut(r, 0, sum);
+}
+
+/* The last bit of `bits` at `at` or before it, the first at `at` or behind it; there must be one. */
+static inline uint32_t ranking_bit_before(const uint64_t *bits, uint32_t at)
+{
+    uint32_t word = at / 64;
+    uint64_t found = bits[word] & ~(uint64_t)0 >> (63 - at % 64);
+    while (!found)
+        found = bits[--word];
+    return 64 * word + (uint32_t)highest_bit(found);
+}
+
+static inline uint32_t ranking_bit_after(const uint64_t *bits, uint32_t at)
+{
+    uint32_t word = at / 64;
+    uint64_t found = bits[word] & ~(uint64_t)0 << (at % 64);
+    while (!found)
+        found = bits[++word];
+    return 64 * word + (uint32_t)count_trailing_zeros(found);
 }
 
 /* At `at` or before it; behind it. There is a cut at 0 and one at `count`. */
@@ -66,8 +88,10 @@ static inline uint32_t ranking_cut_before(const ranking *r, uint32_t at)
 {
     uint32_t word = at / 64;
     uint64_t bits = r->cuts[word] & ~(uint64_t)0 >> (63 - at % 64);
-    while (!bits)
-        bits = r->cuts[--word];
+    if (!bits) {
+        word = ranking_bit_before(r->words, word - 1);
+        bits = r->cuts[word];
+    }
     return 64 * word + (uint32_t)highest_bit(bits);
 }
 
@@ -75,8 +99,10 @@ static inline uint32_t ranking_cut_after(const ranking *r, uint32_t at)
 {
     uint32_t word = ++at / 64;
     uint64_t bits = r->cuts[word] & ~(uint64_t)0 << (at % 64);
-    while (!bits)
-        bits = r->cuts[++word];
+    if (!bits) {
+        word = ranking_bit_after(r->words, word + 1);
+        bits = r->cuts[word];
+    }
     return 64 * word + (uint32_t)count_trailing_zeros(bits);
 }
 

@@ -36,6 +36,10 @@
 extern "C" {
 #endif
 
+/* Compatibility: what was compiled with a header runs with every library of the same soname (libvcache.so.0.1 for all
+ * 0.1.x). Within one soname functions and struct fields are neither removed nor changed, nor do keys and files change;
+ * structs that carry their size may grow at their end, and the library takes the sizes of all versions of its soname.
+ * Until 1.0 each minor version has a soname of its own, from then on each major one. docs/abi.md. */
 #define VCACHE_VERSION_MAJOR 0
 #define VCACHE_VERSION_MINOR 1
 #define VCACHE_VERSION_PATCH 0
@@ -51,10 +55,13 @@ extern "C" {
 /* The most levels of adaptive refinement (Alg. 2), the unrefined one included. */
 #define VCACHE_MAX_LEVELS 16
 
+/* What became of a call that can fail. */
 typedef enum vcache_status {
     VCACHE_OK = 0,
     VCACHE_ERROR_ARGUMENT, /* a value is out of its range; the message names it */
-    VCACHE_ERROR_MEMORY    /* the allocator returned NULL */
+    VCACHE_ERROR_MEMORY,   /* the allocator returned NULL */
+    VCACHE_ERROR_FILE      /* save.h: what was saved is damaged, of another scene or config, or cannot be read; or
+                              nothing can be written */
 } vcache_status;
 
 /* Enough for every message, the final 0 included. */
@@ -62,6 +69,7 @@ typedef enum vcache_status {
 
 /* ------------------------------------------------------------------------------------------------------ the cache */
 
+/* How keys are hashed. */
 typedef enum vcache_hash {
     VCACHE_HASH_SPLIT,       /* default: each end hashed to 64 bits once, a pair costs one 64 x 64 bit multiplication */
     VCACHE_HASH_LCG_PAIR,    /* Eq. 10: two linear congruential generators over the words of the key. For comparison
@@ -76,11 +84,13 @@ typedef struct vcache_allocator {
     void *context;
 } vcache_allocator;
 
+/* Instruction sets, for vcache_config.isa. */
 #define VCACHE_ISA_SCALAR 0u
 #define VCACHE_ISA_AVX2 1u
 #define VCACHE_ISA_AVX512 2u
 #define VCACHE_ISA_ALL 0xffffffffu
 
+/* What a cache is made from; start from vcache_default_config. */
 typedef struct vcache_config {
     size_t size;                        /* sizeof(vcache_config), set by vcache_default_config */
     float bounds_min[3], bounds_max[3]; /* of everything that ends lie on; finite, min <= max. Default: a unit cube */
@@ -96,8 +106,10 @@ typedef struct vcache_config {
     vcache_allocator allocator; /* default: the C library's */
 } vcache_config;
 
+/* The table of answers and how ends are quantized. Any number of threads may use it. */
 typedef struct vcache vcache;
 
+/* All fields set to their defaults: the scene's bounds remain to be set. */
 VCACHE_API vcache_config vcache_default_config(void);
 
 /* On failure *out is NULL and `message` (VCACHE_MESSAGE_BYTES bytes, or NULL) says which value is wrong. */
@@ -224,16 +236,35 @@ typedef uint8_t vcache_answer;
 #define VCACHE_VISIBLE 1
 #define VCACHE_ONCE 2 /* or-ed to one of the two */
 
+/* What the cache got wrong, found by a worker that verifies. */
+typedef struct vcache_misprediction {
+    vcache_miss ray; /* the pair; by its `user` values the host knows how much light it stands for */
+    bool visible;    /* what the ray found: the cache had said the opposite */
+    int32_t level;   /* of the cell that answered */
+    uint64_t cell;   /* that cell, as vcache_eye_cell names it; 0 for pairs of vertices */
+} vcache_misprediction;
+
+/* Called inside vcache_commit and vcache_visible; must not use the same worker. */
+typedef void (*vcache_report)(void *context, const vcache_misprediction *wrong);
+
+/* What a worker is made from; start from vcache_default_worker_config. */
 typedef struct vcache_worker_config {
     size_t size;       /* sizeof(vcache_worker_config) */
     uint32_t capacity; /* 1 ... 2^24, default 4096: pairs that can wait for rays at a time; their
                           scratch (about 200 bytes a pair) should fit the second-level cache */
     bool exact;        /* every pair is a miss, nothing is looked up or stored: for comparison */
+    /* For debugging: pairs that the cache answers become misses as well, so that all is traced, and where the ray
+     * differs `report` is called (NULL: counted alone) and statistics count it. Answers, what is stored and the other
+     * statistics stay what they are without: the picture is the cache's, with its errors. With `exact`: no effect. */
+    bool verify;
+    vcache_report report;
+    void *report_context;
 } vcache_worker_config;
 
 /* Pending batch, scratch and statistics of one thread. */
 typedef struct vcache_worker vcache_worker;
 
+/* All fields set to their defaults. */
 VCACHE_API vcache_worker_config vcache_default_worker_config(void);
 /* `config` may be NULL for the defaults. The cache must outlive the worker. */
 VCACHE_API vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *config, vcache_worker **out,
@@ -298,6 +329,27 @@ VCACHE_API bool vcache_query(vcache_worker *worker, const vcache_eye *eye, const
 VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, const vcache_light *light,
                                vcache_trace trace, void *context);
 
+/* ------------------------------------------------------------------------------------------------- what has moved */
+
+/* From frame to frame a cache may keep what it knows, as long as nothing moves but the camera. Else vcache_clear forgets
+ * all of it; or only what may have changed is asked anew. What is stored cannot be listed (it is hashes), but it can be
+ * asked for under another salt: with one box around all places where moving objects have been since the last clear,
+ * - prepare each eye end twice, with salt 0 and with one that is new in each frame that moves something;
+ * - ask for the lights that cross the box with the second end, for all others with the first, which is what they were
+ *   asked with before. No answer from before the move is given then, but for the 2^-31 of foreign words.
+ * Pays where most segments miss the box.
+ *
+ * Bit i of `crossing` (bit i % 64 of word i / 64) tells whether any segment between the cells of `eye` and of lights[i]
+ * may meet the box: of all points that may answer for these two. Set as well where an end cannot be quantized, for cells
+ * of directions (they are cones), and where the box holds NaN. Some 20 ns a light. Eq. 6 has no such call. */
+VCACHE_API void vcache_crossing(const vcache *cache, const vcache_eye *eye, const vcache_light *lights, uint32_t count,
+                                const float box_min[3], const float box_max[3], uint64_t *crossing);
+
+/* Light `index` < count of the set becomes another end: what was known of it is forgotten, in all rows, once per row; all
+ * else stays. No other thread may use the set meanwhile. (In the table of vcache_add a light that is prepared elsewhere
+ * has another key, and nothing need be done.) */
+VCACHE_API void vcache_light_set_replace(vcache_light_set *set, uint32_t index, const vcache_light *light);
+
 /* ----------------------------------------------------------------------------------------------------- estimating */
 
 /* The cache as a control variate: the sum of many lights without bias, from a few rays. With f_i the unoccluded
@@ -334,6 +386,7 @@ typedef struct vcache_cells {
     uint64_t key[VCACHE_CELLS]; /* finest first; 0: the end cannot be quantized, nothing is known or learnt */
 } vcache_cells;
 
+/* What vcache_predict found out. */
 typedef struct vcache_prediction {
     const float *mean; /* [lights] m_i, in (0, 1); valid until the next prediction of this predictor */
     float expected;    /* sum f_i m_i */
@@ -341,6 +394,7 @@ typedef struct vcache_prediction {
     vcache_cells cells;
 } vcache_prediction;
 
+/* A light that was drawn. */
 typedef struct vcache_pick {
     uint32_t light;
     uint32_t sample; /* of those that share the prediction */
@@ -451,6 +505,7 @@ VCACHE_API void vcache_learn_pair(vcache_worker *worker, const vcache_estimate *
 
 /* ----------------------------------------------------------------------------------------------------- statistics */
 
+/* Counts of a worker. */
 typedef struct vcache_statistics {
     size_t size;                      /* in: sizeof(vcache_statistics); out: bytes that this version filled */
     uint64_t asked;                   /* pairs added or estimated */
@@ -463,12 +518,17 @@ typedef struct vcache_statistics {
                                          light sets: rows replaced (`stored` counts their bits) */
     uint64_t hits[VCACHE_MAX_LEVELS]; /* pairs answered by the table, by level; estimates that knew something: 0 */
     uint32_t hit_levels;              /* mask of the levels that have hits */
+    /* Of workers that verify, beside the counts above: */
+    uint64_t verified;     /* rays for pairs that the cache had answered */
+    uint64_t mispredicted; /* of these: the cache was wrong */
+    uint64_t leaked;       /* of these: blocked, and the cache had said visible */
 } vcache_statistics;
 
 /* Counts of this worker since it was created or reset. */
 VCACHE_API void vcache_worker_statistics(const vcache_worker *worker, vcache_statistics *out);
 VCACHE_API void vcache_worker_reset_statistics(vcache_worker *worker);
 
+/* English text of a status, never NULL. */
 VCACHE_API const char *vcache_status_text(vcache_status status);
 /* major * 10000 + minor * 100 + patch of the library that is linked. */
 VCACHE_API uint32_t vcache_version(void);

@@ -109,6 +109,8 @@ static void enter(vcache_worker *w, pair *p, bool quantized, place at)
     if (state <= 1) {
         worker_count_hit(w, 0);
         worker_answer(p->visible, p->bit, state & 1u);
+        if (w->config.verify)
+            worker_verify(w, p, 0, state & 1u);
     } else {
         worker_ask(w, p, at);
     }

@@ -130,8 +130,34 @@ void worker_add_miss(vcache_worker *w, const pair *p, place at)
     else
         describe(&w->misses[i], p->from.eye->user, p->from.eye->position, p->to.light->user, p->to.light->position,
                  p->to.light->side_squared < 0.0f);
+    if (p->verify)
+        return;
     w->statistics.traced++;
     w->statistics.bypassed += p->level == NO_LEVEL;
+}
+
+void worker_verify(vcache_worker *w, pair *p, uint32_t level, bool said)
+{
+    p->level = (uint8_t)level;
+    p->verify = true;
+    p->said = said;
+    worker_add_miss(w, p, (place){0});
+    p->verify = false;
+}
+
+void worker_compare(vcache_worker *w, const pair *p, const vcache_miss *ray, vcache_answer answer)
+{
+    bool visible = answer & VCACHE_VISIBLE;
+    w->statistics.verified++;
+    if (visible == p->said)
+        return;
+    w->statistics.mispredicted++;
+    w->statistics.leaked += !visible;
+    if (w->config.report) {
+        vcache_misprediction wrong = {.ray = *ray, .visible = visible, .level = p->level};
+        wrong.cell = p->vertices ? 0 : vcache_eye_cell(p->from.eye, p->level);
+        w->config.report(w->config.report_context, &wrong);
+    }
 }
 
 void worker_ask(vcache_worker *w, const pair *p, place at)
@@ -152,6 +178,8 @@ void worker_finish(vcache_worker *w, pair *p, step s)
     if (s.known) {
         worker_count_hit(w, s.level);
         worker_answer(p->visible, p->bit, s.visible);
+        if (w->config.verify)
+            worker_verify(w, p, s.level, s.visible);
         return;
     }
     p->level = (uint8_t)s.level;
@@ -190,10 +218,16 @@ static void enter_again(vcache_worker *w, pair *p, uint64_t epoch_key)
         worker_finish(w, p, table_walk(w->cache, epoch_key, p->from.eye, p->to.light, p->level));
 }
 
+/* Its answer goes into a row of a set. */
+static bool stores_row(const pair *p)
+{
+    return p->set && p->level != NO_LEVEL && !p->verify;
+}
+
 static uint32_t run_end(const vcache_worker *w, uint32_t first)
 {
     uint32_t i = first + 1;
-    while (i < w->miss_count && w->asking[i].set == w->asking[first].set && w->asking[i].level != NO_LEVEL &&
+    while (i < w->miss_count && w->asking[i].set == w->asking[first].set && stores_row(&w->asking[i]) &&
            w->places[i].slot == w->places[first].slot)
         i++;
     return i;
@@ -204,6 +238,10 @@ void vcache_commit(vcache_worker *w, const vcache_answer *answers)
     bool once = false;
     for (uint32_t i = 0; i < w->miss_count; i++) {
         const pair *p = &w->asking[i];
+        if (p->verify) {
+            worker_compare(w, p, &w->misses[i], answers[i]);
+            continue;
+        }
         worker_answer(p->visible, p->bit, answers[i] & VCACHE_VISIBLE);
         if (answers[i] & VCACHE_ONCE) {
             w->statistics.once++;
@@ -213,7 +251,7 @@ void vcache_commit(vcache_worker *w, const vcache_answer *answers)
             table_write(w, w->places[i], answers[i] & VCACHE_VISIBLE);
     }
     for (uint32_t i = 0; i < w->miss_count;) {
-        if (!w->asking[i].set || w->asking[i].level == NO_LEVEL) {
+        if (!stores_row(&w->asking[i])) {
             i++;
             continue;
         }
@@ -280,6 +318,17 @@ bool worker_trace_one(vcache_worker *w, const vcache_eye *eye, const vcache_ligh
     else if (at)
         table_write(w, *at, result & VCACHE_VISIBLE);
     return result & VCACHE_VISIBLE;
+}
+
+void worker_verify_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, uint32_t level, bool said,
+                       vcache_trace trace, void *context)
+{
+    const pair p = {.from.eye = eye, .level = (uint8_t)level, .said = said};
+    vcache_miss ray;
+    vcache_answer answer = VCACHE_BLOCKED;
+    describe(&ray, eye->user, eye->position, light->user, light->position, light->side_squared < 0.0f);
+    if (trace(context, &ray, 1, &answer))
+        worker_compare(w, &p, &ray, answer);
 }
 
 /* ----------------------------------------------------------------------------------------------------- statistics */

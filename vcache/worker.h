@@ -25,6 +25,8 @@ typedef struct pair {
     bool vertices;
     bool coarse; /* not to be refined */
     bool alone;  /* the cell's answers cannot be shared: trace without waiting for another pair's */
+    bool verify; /* answered already, with `said`, by a cell of `level`: the ray is to check that */
+    bool said;
 } pair;
 
 /* A pair of cells: its key, and where its word lies. */
@@ -98,6 +100,10 @@ static inline void worker_answer(uint64_t *visible, uint32_t bit, bool value)
 void worker_ask(vcache_worker *w, const pair *p, place at);
 /* A ray of its own, whatever others ask. */
 void worker_add_miss(vcache_worker *w, const pair *p, place at);
+/* The cache answered; a worker that verifies wants a ray all the same. */
+void worker_verify(vcache_worker *w, pair *p, uint32_t level, bool said);
+/* What that ray found. */
+void worker_compare(vcache_worker *w, const pair *p, const vcache_miss *ray, vcache_answer answer);
 /* The end of a walk: an answer, or a ray. */
 void worker_finish(vcache_worker *w, pair *p, step s);
 /* The lights of a word that the batch has room for, in order. `*next` becomes the first light not taken. */
@@ -106,6 +112,9 @@ uint64_t worker_take(uint64_t word, uint32_t *room, uint32_t base, uint32_t end,
 /* A ray at once for a single query; `at`: where its answer goes, NULL for a bypass. */
 bool worker_trace_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, const place *at,
                       vcache_trace trace, void *context);
+/* The ray that checks a single query's answer. */
+void worker_verify_one(vcache_worker *w, const vcache_eye *eye, const vcache_light *light, uint32_t level, bool said,
+                       vcache_trace trace, void *context);
 
 /* query.c: Algorithm 2 from `level` on, over words of the table. */
 step table_walk(const vcache *c, uint64_t epoch_key, const vcache_eye *eye, const vcache_light *light, uint32_t level);

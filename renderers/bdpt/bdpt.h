@@ -45,7 +45,7 @@ typedef enum visibility_mode {
 typedef struct settings {
     uint32_t width, height;
     int spp;
-    int epoch;      /* passes that share what the cache has learnt; N_P = epoch x pixels */
+    int epoch;      /* passes that share what the cache has learnt; N_P = epoch x pixels x partners */
     double seconds; /* no pass begins after so many; infinity: no limit */
     uint64_t seed;
     int threads; /* 0: one per CPU */

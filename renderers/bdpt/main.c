@@ -45,7 +45,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .help = "passes that share what the cache has learnt"},
         {.name = "resume", .kind = OPTION_STRING, .value = &a->resume, .metavar = "FILE",
          .help = "go on from an .exr that bdpt wrote with these options"},
-        PROGRAM_OPTION_ENV(p),
+        PROGRAM_OPTIONS_ENV(p),
         PROGRAM_OPTIONS_CAMERA(p),
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
          .metavar = "MODE", .help = "of connections: exact, cache or estimate (no bias)"},

@@ -49,7 +49,7 @@ static uint64_t fingerprint(const scene *s)
         h = mix(h, s->instances[i].to_world, sizeof s->instances[i].to_world);
     for (uint32_t i = 0; i < s->light_count; i++) {
         const light *l = &s->lights[i];
-        const float angles[] = {(float)l->kind, l->cos_inner, l->cos_outer};
+        const float angles[] = {(float)l->kind, l->cos_inner, l->cos_outer, (float)l->power};
         const vec3 vectors[] = {l->position, l->direction, l->intensity};
         h = mix(mix(h, angles, sizeof angles), vectors, sizeof vectors);
     }

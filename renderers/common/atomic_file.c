@@ -10,8 +10,34 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* Temporaries that an exit (for want of memory, say) would leave behind. Files are written by one thread. */
+enum { OPEN_MAX_AT_A_TIME = 8 };
+static const char *open_now[OPEN_MAX_AT_A_TIME];
+
+static void remove_open(void)
+{
+    for (int i = 0; i < OPEN_MAX_AT_A_TIME; i++)
+        if (open_now[i])
+            unlink(open_now[i]);
+}
+
+/* Puts `to` into the place of `from`; one of them is NULL. */
+static void note(const char *from, const char *to)
+{
+    static bool registered;
+    if (!registered)
+        registered = atexit(remove_open) == 0;
+    for (int i = 0; i < OPEN_MAX_AT_A_TIME; i++)
+        if (open_now[i] == from) {
+            open_now[i] = to;
+            return;
+        }
+}
+
 static void release(atomic_file *f)
 {
+    if (f->temporary)
+        note(f->temporary, NULL);
     free(f->path);
     free(f->target);
     free(f->temporary);
@@ -53,6 +79,7 @@ bool atomic_open(atomic_file *f, const char *path, message *err)
     f->temporary = xmalloc(size);
     int fd = create_beside(f->target, f->temporary, size);
     if (fd >= 0) {
+        note(NULL, f->temporary);
         f->stream = fdopen(fd, "wb");
         if (f->stream)
             return true;

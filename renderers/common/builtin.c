@@ -5,20 +5,31 @@
 #include <stdio.h>
 #include <string.h>
 
-const char *const scene_builtin_names[] = {"atrium", "cornell", "shapes", "dominoes", "plant", NULL};
+const char *const scene_builtin_names[] = {
+    "atrium",
+    "cornell",
+    "shapes",
+    "dominoes",
+    "plant",
+    "conference-lights",
+    "conference-lights-192",
+    "conference-lights-floating",
+    "conference-lights-diffuse",
+    NULL,
+};
 
 static void (*const builders[])(scene *) = {build_atrium, build_cornell, build_shapes, build_dominoes, build_plant};
 
 bool scene_builtin(const char *name, scene **out)
 {
     *out = NULL;
-    for (size_t i = 0; name && scene_builtin_names[i]; ++i)
+    for (size_t i = 0; name && i < sizeof builders / sizeof *builders; ++i)
         if (strcmp(name, scene_builtin_names[i]) == 0) {
             *out = scene_new(name);
             builders[i](*out);
             return true;
         }
-    return false;
+    return name && build_conference(name, out);
 }
 
 void place(scene *s, uint32_t mesh_index, xform at)

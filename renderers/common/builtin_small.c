@@ -87,10 +87,12 @@ void build_shapes(scene *s)
     profile_line(&p, 0.0f, 1.8f, 48);
     shape_lathe(&cone, &p, 128);
     place(s, shape_to_mesh(s, &cone, yellow, 30.0f), xform_place(v3(2.1f, 0.0f, -1.3f), 0.0f, 1.0f));
-    shape_torus(&torus, 0.62f, 0.24f, 144, 56);
-    place(s, shape_to_mesh(s, &torus, green, 30.0f), xform_place(v3(1.5f, 0.24f, 1.3f), 0.0f, 1.0f));
+    shape_torus(&torus, 0.62f, 0.24f, 144, 56); /* leans: its shadow is a ring */
+    place(s, shape_to_mesh(s, &torus, green, 30.0f),
+          xform_along(v3(1.5f, 0.68f, 1.3f), v3_normalize(v3(0.5f, 0.7f, -0.5f)), 0.0f, 1.0f));
     camera_add(s, "front", v3(0.6f, 2.6f, 7.6f), v3(0.0f, 0.75f, 0.0f), 36.0f);
     camera_add(s, "above", v3(-3.5f, 7.5f, 4.0f), v3(0.0f, 0.4f, -0.3f), 40.0f);
+    camera_add(s, "square", v3(0.6f, 5.4f, 6.6f), v3(0.05f, 0.5f, 0.1f), 43.0f);
 }
 
 /* Dominoes of 24 x 48 x 7.5 mm along a spiral of equal steps. */
@@ -119,6 +121,7 @@ void build_dominoes(scene *s)
     }
     camera_add(s, "low", v3(0.16f, 0.30f, 0.80f), v3(0.0f, 0.005f, 0.04f), 36.0f);
     camera_add(s, "above", v3(0.0f, 1.3f, 0.35f), v3(0.0f, 0.0f, 0.0f), 36.0f);
+    camera_add(s, "square", v3(0.17f, 0.17f, 0.15f), v3(0.352f, 0.012f, 0.222f), 32.0f);
 }
 
 static void flower_pot(scene *s, uint32_t clay, uint32_t soil)
@@ -170,4 +173,5 @@ void build_plant(scene *s)
     tree_add(s, 7, style, xform_place(v3(0.0f, 0.225f, 0.0f), 0.0f, 1.0f), wood, kinds, 3);
     camera_add(s, "front", v3(0.5f, 1.0f, 2.7f), v3(0.0f, 0.58f, 0.0f), 32.0f);
     camera_add(s, "close", v3(-0.6f, 1.15f, 0.9f), v3(0.0f, 0.8f, 0.0f), 40.0f);
+    camera_add(s, "square", v3(0.9f, 2.9f, 2.6f), v3(0.05f, 0.35f, 0.1f), 32.0f);
 }

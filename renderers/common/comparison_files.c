@@ -26,6 +26,7 @@ static void describe(const comparison *c, image_texts *t)
     t->count = 0;
     image_text(t, "scene", "%s", r->scene->name);
     image_text(t, "spp", "%d", a->spp);
+    image_text(t, "envRotate", "%g", (double)a->env_rotate);
     image_text(t, "seed", "%llu", (unsigned long long)a->seed);
     image_text(t, "threads", "%d", a->threads);
     image_text(t, "visibility", "%s", exact ? "exact" : r->mode);

@@ -42,6 +42,7 @@ static void add_scene(cJSON *j, const comparison *c)
     json_add_number(j, "spp", a->spp);
     json_add_number(j, "eye_samples", (double)f->eye_samples);
     json_add_number(j, "threads", a->threads);
+    json_add_float(j, "env_rotate", a->env_rotate);
     add_whole(j, "seed", a->seed);
     cJSON_AddStringToObject(j, "mode", r->mode);
     if (r->json)
@@ -68,6 +69,8 @@ static void add_differences(cJSON *j, const comparison *c)
     json_add_number(error, "rel_mse", c->lit.rel_mse);
     json_add_number(error, "p999", c->lit.p999);
     json_add_number(error, "max", c->lit.max);
+    json_add_number(error, "mean_relative", c->lit.mean_relative);
+    json_add_number(error, "max_relative", c->lit.max_relative);
     json_add_number(error, "mispredicted", c->mispredicted >= 0.0 ? c->mispredicted : (double)NAN);
     cJSON *s = cJSON_AddObjectToObject(j, "speedup");
     double low, high;

@@ -27,6 +27,8 @@ struct environment {
     cumulative columns; /* of each row its own, one behind the other */
     double *cosines;    /* height + 1: cos of the polar angle at the upper edge of each row */
     bool black;         /* nothing to prefer: drawn uniformly */
+    double turn;        /* of environment_rotate, 0 ... 1: the map's u is that of the direction plus this */
+    float sine, cosine; /* of it */
 };
 
 static const double pi = 3.14159265358979323846;
@@ -44,6 +46,7 @@ environment *environment_uniform(rgb radiance)
 {
     environment *e = xcalloc(1, sizeof *e);
     e->uniform = e->mean = radiance;
+    e->cosine = 1.0f;
     return e;
 }
 
@@ -58,10 +61,24 @@ void environment_free(environment *e)
     free(e);
 }
 
+void environment_rotate(environment *e, double degrees)
+{
+    double turn = degrees / 360.0;
+    e->turn = turn - floor(turn);
+    e->sine = (float)sin(2.0 * pi * e->turn);
+    e->cosine = (float)cos(2.0 * pi * e->turn);
+}
+
+vec3 environment_rotated(const environment *e, vec3 d)
+{
+    return v3(e->cosine * d.x + e->sine * d.z, d.y, e->cosine * d.z - e->sine * d.x);
+}
+
 /* Continuous texel coordinates of a direction; atan2 keeps its precision at the poles, where acos(y) loses it. */
 static inline void direction_to_map(const environment *e, vec3 d, float *s, float *t)
 {
-    float u = 0.5f + angle_atan2(d.x, -d.z) * (0.5f / PI_F);
+    float u = 0.5f + angle_atan2(d.x, -d.z) * (0.5f / PI_F) + (float)e->turn;
+    u = u > 1.0f ? u - 1.0f : u;
     float v = angle_atan2(sqrtf(d.x * d.x + d.z * d.z), d.y) * (1.0f / PI_F);
     *s = u * (float)e->width;
     *t = v * (float)e->height;
@@ -117,6 +134,20 @@ rgb environment_radiance(const environment *e, vec3 direction)
         return e->uniform;
     float s, t;
     direction_to_map(e, direction, &s, &t);
+    footprint f = footprint_at(e, s, t);
+    return bilinear(&f);
+}
+
+void environment_map_size(const environment *e, uint32_t *width, uint32_t *height)
+{
+    *width = e->width > 0 ? e->width : 1;
+    *height = e->width > 0 ? e->height : 1;
+}
+
+rgb environment_map_radiance(const environment *e, float s, float t)
+{
+    if (e->width == 0)
+        return e->uniform;
     footprint f = footprint_at(e, s, t);
     return bilinear(&f);
 }
@@ -241,6 +272,7 @@ bool environment_from_image(const image *map, environment **out, message *err)
     if (map->width > MAX_SIDE || map->height > MAX_SIDE)
         return fail(err, "the environment map has more than %d pixels along a side", MAX_SIDE);
     environment *e = xcalloc(1, sizeof *e);
+    e->cosine = 1.0f;
     e->width = map->width;
     e->height = map->height;
     size_t count = (size_t)map->width * map->height;
@@ -282,10 +314,11 @@ bool environment_load(const char *path, environment **out, message *err)
 
 static const float almost_one = 0x1.fffffep-1f;
 
-/* `u` as in the map: 0 looks at +z, 1/4 at -x. */
-static inline vec3 spherical(double u, double cos_theta)
+/* `u` as in the map, which without `turn` looks at +z where it is 0, at -x where it is 1/4. */
+static inline vec3 spherical(double u, double turn, double cos_theta)
 {
     float sine, cosine, sin_theta = (float)sqrt(fabs(1.0 - cos_theta * cos_theta));
+    u = u < turn ? u - turn + 1.0 : u - turn;
     angle_turn(u - 0.5, &sine, &cosine);
     return v3(sin_theta * sine, (float)cos_theta, -sin_theta * cosine);
 }
@@ -294,7 +327,7 @@ static void draw_uniformly(const environment *e, uint32_t count, const float *u1
                            vec3 *directions, rgb *radiance, float *pdf)
 {
     for (uint32_t k = 0; k < count; k++) {
-        directions[k] = spherical(u2[k], 1.0 - 2.0 * u1[k]);
+        directions[k] = spherical(u2[k], e->turn, 1.0 - 2.0 * u1[k]);
         bool wanted = !normals || v3_dot(normals[k], directions[k]) > 0.0f;
         pdf[k] = wanted ? UNIFORM_DENSITY : 0.0f;
         radiance[k] = wanted ? environment_radiance(e, directions[k]) : v3(0, 0, 0);
@@ -332,7 +365,7 @@ static void draw(const environment *e, uint32_t count, const float *u1, const fl
     }
     uint32_t whole = (count + 7u) & ~7u; /* whole vectors */
     for (uint32_t k = 0; k < whole; k++) {
-        vec3 d = spherical(u[k], cos_theta[k]);
+        vec3 d = spherical(u[k], e->turn, cos_theta[k]);
         x[k] = d.x, y[k] = d.y, z[k] = d.z;
     }
     for (uint32_t k = 0; k < whole; k++)
@@ -358,7 +391,7 @@ static void draw(const environment *e, uint32_t count, const float *u1, const fl
         pdf[k] = texel_at(e, s[k], t[k])->density;
         if (!(pdf[k] > 0.0f)) {
             size_t j = row[k];
-            directions[k] = spherical((column[k] + 0.5) / e->width, 0.5 * (e->cosines[j] + e->cosines[j + 1]));
+            directions[k] = spherical((column[k] + 0.5) / e->width, e->turn, 0.5 * (e->cosines[j] + e->cosines[j + 1]));
             direction_to_map(e, directions[k], &s[k], &t[k]);
             around[k] = footprint_at(e, s[k], t[k]);
             pdf[k] = e->texels[j * e->width + column[k]].density;

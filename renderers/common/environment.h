@@ -19,6 +19,9 @@ environment *environment_uniform(rgb radiance);
 bool environment_from_image(const image *map, environment **out, message *err);
 bool environment_load(const char *path, environment **out, message *err);
 void environment_free(environment *e);
+/* Turns it about the vertical axis, counter-clockwise seen from above, by `degrees` from where the map has it. Before
+ * it is shared. */
+void environment_rotate(environment *e, double degrees);
 
 /* Radiance seen along unit `direction` (away from the scene), bilinear. */
 rgb environment_radiance(const environment *e, vec3 direction);
@@ -35,5 +38,12 @@ rgb environment_lookup(const environment *e, vec3 direction, float *pdf);
 float environment_pdf(const environment *e, vec3 direction);
 /* Mean radiance over the sphere. */
 rgb environment_mean(const environment *e);
+
+/* For who walks over the map itself, not rotated. Pixels along its sides; 1 x 1 where it is uniform. */
+void environment_map_size(const environment *e, uint32_t *width, uint32_t *height);
+/* Bilinear, at 0 <= s <= width, 0 <= t <= height; the first pixel's centre is (0.5, 0.5). */
+rgb environment_map_radiance(const environment *e, float s, float t);
+/* Where a direction of the map ends up by environment_rotate. */
+vec3 environment_rotated(const environment *e, vec3 direction);
 
 #endif

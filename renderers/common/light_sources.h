@@ -58,14 +58,19 @@ rgb light_sources_radiance(const light_sources *l, const light_emission *y0, vec
  * sphere. */
 float light_sources_disc_radius(const light_sources *l);
 
-/* Fall-off of a spot light between its cones, as KHR_lights_punctual recommends: the square of a linear ramp of the
- * cosine. `direction` is the way the light travels, unit. */
+/* Fall-off of a spot light between its cones: a linear ramp of the cosine to light.power, its square in
+ * KHR_lights_punctual. `direction` is the way the light travels, unit. */
 static inline float spot_fall_off(const light *l, vec3 direction)
 {
     float range = l->cos_inner - l->cos_outer, cosine = v3_dot(direction, l->direction);
     float ramp = range > 1e-6f ? (cosine - l->cos_outer) / range : cosine > l->cos_outer ? 1.0f : 0.0f;
     ramp = float_min(1.0f, float_max(0.0f, ramp));
-    return ramp * ramp;
+    if (l->power == 0)
+        return ramp * ramp;
+    float out = 1.0f;
+    for (uint32_t n = l->power; n; n >>= 1, ramp *= ramp)
+        out *= n & 1u ? ramp : 1.0f;
+    return out;
 }
 
 #endif

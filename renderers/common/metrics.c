@@ -68,13 +68,14 @@ image_error image_compare(const image *test, const image *reference)
 {
     size_t count = (size_t)reference->width * reference->height;
     if (test->width != reference->width || test->height != reference->height)
-        return (image_error){INFINITY, INFINITY, INFINITY, INFINITY};
+        return (image_error){INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
     if (count == 0)
-        return (image_error){0.0, 0.0, 0.0, 0.0};
+        return (image_error){0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 
     totals t = survey(reference, count);
     double *squares = xmalloc(count * sizeof *squares), *differences = xmalloc(count * sizeof *differences);
-    double absolute = 0.0;
+    double absolute = 0.0, ratios = 0.0, largest = 0.0;
+    size_t lit = 0;
     for (size_t i = 0; i < count; ++i) {
         rgb a = test->pixels[i], b = reference->pixels[i];
         double as[3] = {a.x, a.y, a.z}, bs[3] = {b.x, b.y, b.z};
@@ -86,12 +87,22 @@ image_error image_compare(const image *test, const image *reference)
             squares[i] += d * d / (base * base + 0.01) / 3.0;
         }
         differences[i] = seen ? fabs(luminance_of(a) - luminance_of(b)) : t.max_luminance;
+        if (finite_pixel(b) && luminance_of(b) > 0.0) {
+            double ratio = differences[i] / luminance_of(b);
+            ratios += ratio;
+            largest = fmax(largest, ratio);
+            lit++;
+        }
     }
     qsort(squares, count, sizeof *squares, ascending);
     qsort(differences, count, sizeof *differences, ascending);
 
-    image_error e = {relative(absolute, t.sum), 0.0, relative(percentile(differences, count, 0.999), t.mean_luminance),
-                     relative(differences[count - 1], t.mean_luminance)};
+    image_error e = {relative(absolute, t.sum),
+                     0.0,
+                     relative(percentile(differences, count, 0.999), t.mean_luminance),
+                     relative(differences[count - 1], t.mean_luminance),
+                     lit ? ratios / (double)lit : 0.0,
+                     largest};
     size_t kept = count - count / 1000;
     for (size_t i = 0; i < kept; ++i)
         e.rel_mse += squares[i] / (double)kept;

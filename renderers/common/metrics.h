@@ -10,6 +10,8 @@ typedef struct image_error {
     double rel_mse; /* mean over pixels of mean over channels of (a - b)^2 / (b^2 + 0.01), top 0.1 % of pixels trimmed */
     double p999;    /* 99.9th percentile of |luminance difference| / mean luminance of the reference */
     double max;     /* the largest of the same */
+    /* |luminance difference| / luminance of the reference, mean and largest over the pixels where that is not black */
+    double mean_relative, max_relative;
 } image_error;
 
 /* Non-finite pixels count as a difference of the reference's maximum, so they never go unseen. A black reference gives

@@ -251,7 +251,7 @@ void options_print_help(FILE *out, const option_program *program, const option *
     fprintf(out, "Usage: %s [options]", program->name);
     if (program->positional)
         fprintf(out, " %s", program->positional);
-    fprintf(out, "\n%s\n\n", program->summary);
+    fprintf(out, "\n%s\n", program->summary);
     if (program->positional)
         print_entry(out, indent, program->positional, program->positional_help, *program->positional_value);
     for (size_t i = 0; i < count; i++) {

@@ -25,7 +25,7 @@ options_status program_parse(program_arguments *a, const char *summary, const op
         .name = a->program,
         .summary = summary,
         .positional = "[SCENE]",
-        .positional_help = "a .glb, .gltf, .obj or .ply file, or atrium, cornell, shapes, dominoes, plant",
+        .positional_help = "a .glb, .gltf, .obj or .ply file, or a built-in scene",
         .positional_value = &a->scene,
     };
     options_status status = options_parse(&program, table, count, argc, argv, err);
@@ -150,7 +150,7 @@ bool program_begin(const program_arguments *a, uint64_t frame_bytes, image *refe
 /* A word that is neither the name of a built-in scene nor looks like a file. */
 static bool unknown_scene(const char *name, message *err)
 {
-    char names[128] = "";
+    char names[256] = "";
     for (size_t i = 0, used = 0; scene_builtin_names[i] && used < sizeof names; i++)
         used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i ? ", " : "", scene_builtin_names[i]);
     const char *best = options_suggest(name, scene_builtin_names);
@@ -167,11 +167,17 @@ bool program_load_scene(const program_arguments *a, scene **out, message *err)
         if (!scene_load(a->scene, out, err))
             return false;
     }
-    if (!a->env)
-        return true;
-    environment_free((*out)->environment);
-    (*out)->environment = NULL;
-    return environment_load(a->env, &(*out)->environment, err);
+    if (a->env) {
+        environment_free((*out)->environment);
+        (*out)->environment = NULL;
+        if (!environment_load(a->env, &(*out)->environment, err))
+            return false;
+    }
+    if (a->env_rotate != 0.0f && !(*out)->environment)
+        return fail(err, "--env-rotate: the scene has no environment; --env gives it one");
+    if ((*out)->environment)
+        environment_rotate((*out)->environment, (double)a->env_rotate);
+    return true;
 }
 
 bool program_choose_camera(const program_arguments *a, const scene *s, camera *out, message *err)

@@ -17,7 +17,8 @@ typedef struct program_arguments {
     const char *scene, *env, *json, *picture, *reference; /* but for the scene NULL where not given */
     option_size size;
     option_list outputs;
-    float look[7]; /* the last is NaN where it is not given */
+    float env_rotate; /* degrees */
+    float look[7];    /* the last is NaN where it is not given */
     int camera, spp;
     int runs;    /* 0: not given */
     int threads; /* parsed: as many as there will be */
@@ -28,9 +29,11 @@ typedef struct program_arguments {
 /* Entries of an option table that set program_arguments *a. What --spp counts is the program's to say. */
 #define PROGRAM_OPTION_SIZE(a)                                                                                         \
     {.name = "size", .kind = OPTION_SIZE, .value = &(a)->size, .help = "image size in pixels"}
-#define PROGRAM_OPTION_ENV(a)                                                                                          \
+#define PROGRAM_OPTIONS_ENV(a)                                                                                         \
     {.name = "env", .kind = OPTION_STRING, .value = &(a)->env, .metavar = "FILE",                                      \
-     .help = "environment map (.hdr, .exr) in place of the scene's"}
+     .help = "environment map (.hdr, .exr) in place of the scene's"},                                                  \
+    {.name = "env-rotate", .kind = OPTION_FLOAT, .value = &(a)->env_rotate, .min = -36000, .max = 36000,               \
+     .metavar = "DEGREES", .help = "turns it, counter-clockwise seen from above"}
 #define PROGRAM_OPTIONS_CAMERA(a)                                                                                      \
     {.name = "camera", .kind = OPTION_INT, .value = &(a)->camera, .min = 0, .max = 65535, .metavar = "I",              \
      .help = "camera of the scene, from 0"},                                                                           \

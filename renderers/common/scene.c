@@ -220,6 +220,8 @@ static bool check_lights_and_cameras(const scene *s, message *err)
             return fail(err, "%s: light %u: bad intensity, position or direction", label(s), i);
         if (l->kind == LIGHT_SPOT && !(l->cos_outer >= -1.0f && l->cos_outer <= l->cos_inner && l->cos_inner <= 1.0f))
             return fail(err, "%s: light %u: bad cone angles", label(s), i);
+        if (l->power > LIGHT_POWER_MAX)
+            return fail(err, "%s: light %u: fall-off to the power of %u", label(s), i, l->power);
     }
     for (uint32_t i = 0; i < s->camera_count; i++) {
         const camera *c = &s->cameras[i];

@@ -52,12 +52,16 @@ typedef struct instance {
 
 typedef enum light_kind { LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL } light_kind;
 
+#define LIGHT_POWER_MAX 31
+
 typedef struct light {
     light_kind kind;
-    vec3 position;             /* point, spot */
-    vec3 direction;            /* spot, directional: unit, the way the light travels */
-    rgb intensity;             /* point, spot: W / sr; directional: irradiance W / m^2 on a facing surface */
+    vec3 position;              /* point, spot */
+    vec3 direction;             /* spot, directional: unit, the way the light travels */
+    rgb intensity;              /* point, spot: W / sr; directional: irradiance W / m^2 on a facing surface */
     float cos_inner, cos_outer; /* spot: full inside the inner cone, none outside the outer */
+    uint32_t power; /* spot: of the ramp between the cones (spot_fall_off), at most LIGHT_POWER_MAX; 0: 2, as
+                       KHR_lights_punctual has it. With cones of 0 and 90 degrees a cosine-power emitter, diffuse at 1 */
 } light;
 
 typedef struct camera {
@@ -107,7 +111,8 @@ camera camera_look(vec3 eye, vec3 at, vec3 up, float yfov);
 /* Reads glTF 2.0 (.gltf, .glb), .obj or .ply. On failure *out is NULL and err says in one line what is wrong. */
 bool scene_load(const char *path, scene **out, message *err);
 
-/* Generated scenes by name; false for an unknown name. */
+/* Generated scenes by name; false for an unknown name. conference-lights also takes a number of lights
+ * (builtin.h). */
 bool scene_builtin(const char *name, scene **out);
 extern const char *const scene_builtin_names[]; /* NULL-terminated */
 

@@ -3,7 +3,6 @@
 #include "whitted.h"
 
 #include "../common/light_sources.h"
-#include "../../halton/halton.h"
 
 enum { QUEUE = 64 };
 
@@ -250,18 +249,5 @@ void direct_order(const view *v, const eye_sample *e, uint32_t count, uint16_t *
         uint32_t k = (uint32_t)((uint64_t)rng_u32(&r) * (i + 1) >> 32);
         order[i] = order[k];
         order[k] = (uint16_t)i;
-    }
-}
-
-void direct_environment_lights(scene *s, int count)
-{
-    for (int i = 0; i < count && s->environment; i++) {
-        rgb radiance;
-        float pdf, u1 = ((float)i + 0.5f) / (float)count, u2 = (float)halton_radical_inverse2((uint64_t)i);
-        vec3 to_light = environment_sample(s->environment, u1, u2, &radiance, &pdf);
-        if (pdf > 0.0f)
-            scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL,
-                                       .direction = v3_neg(to_light),
-                                       .intensity = v3_scale(radiance, 1.0f / (pdf * (float)count))});
     }
 }

@@ -55,7 +55,7 @@ struct estimator {
 
 bool estimates(visibility_mode mode)
 {
-    return mode >= VISIBILITY_ESTIMATE;
+    return mode == VISIBILITY_ESTIMATE || mode == VISIBILITY_SELECT || mode == VISIBILITY_SELECT_BY_CACHE;
 }
 
 uint32_t estimator_punctual(const view *v)

@@ -14,6 +14,7 @@ enum { DEPTH_MAX = 10 };
 /* A primary ray on its way, and what follow() needs to know of it. */
 typedef struct primary {
     uint32_t pixel;
+    uint32_t place;
     uint64_t random;
     float spread;
     bool first; /* of its pixel */
@@ -23,7 +24,7 @@ typedef struct path {
     const view *view;
     eye_samples *first, *late; /* late: behind specular surfaces */
     tile_pixels *pixels;
-    uint32_t pixel;
+    uint32_t pixel, place;
     uint64_t random;
     float spread; /* of the pixel's cone: its width per unit of distance */
     float share;  /* of a sample in the pixel */
@@ -64,6 +65,7 @@ static void arrive(path *p, const surface *s, rgb weight, float width, int depth
         return;
     }
     eye_sample e = {.surface = *s, .weight = weight, .pixel = p->pixel};
+    e.place = depth == 0 ? p->place : PLACE_NONE;
     e.origin = surface_offset(s, s->geometric_normal);
     e.density = vcache_density_cone(width, fabsf(v3_dot(s->geometric_normal, s->wo)), (float)v->settings.spp);
     eye_samples *list = depth == 0 ? p->first : p->late;
@@ -99,6 +101,7 @@ static void trace_waiting(path *p)
     for (uint32_t k = 0; k < p->count; k++) {
         const primary *w = &p->waiting[k];
         p->pixel = w->pixel;
+        p->place = w->place;
         p->random = w->random;
         p->spread = w->spread;
         if (!(found >> k & 1u)) {
@@ -132,6 +135,7 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
     out->count = 0;
     path p = {.view = v, .first = out, .late = &late, .pixels = pixels, .share = 1.0f / (float)f->spp};
     uint32_t across[PASS], along[PASS];
+    const int side = (int)(sqrtf((float)f->spp) + 0.5f); /* of a lattice */
     packet_init(&p.packet);
     for (int k = 0; k < GROUP; k++) {
         p.packet.org_x[k] = c.eye.x, p.packet.org_y[k] = c.eye.y, p.packet.org_z[k] = c.eye.z;
@@ -152,7 +156,10 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
         for (int i = 0; i < count; i++) {
             /* One sample alone stands in the middle. */
             float u = 0.5f, w = 0.5f;
-            if (f->spp > 1) {
+            if (f->lattice) {
+                u = ((float)(i % side) + 0.5f) / (float)side;
+                w = ((float)(i / side) + 0.5f) / (float)side;
+            } else if (f->spp > 1) {
                 u = sobol_float(sobol_scramble(across[i], seed_x));
                 w = sobol_float(sobol_scramble(along[i], seed_y));
             }
@@ -161,6 +168,7 @@ void eye_paths(const view *v, tile t, int first, int count, eye_samples *out, ti
             vec3 direction = camera_plane_direction(&c, dx, dy, &distance);
             send(&p, direction,
                  (primary){.pixel = y * TILE + x,
+                           .place = (uint32_t)(first + i),
                            .random = index * (uint64_t)f->spp + (uint64_t)(first + i),
                            .spread = camera_spread(&c, distance),
                            .first = first + i == 0});

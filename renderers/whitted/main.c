@@ -2,12 +2,16 @@
 /* whitted: command line and scene. */
 #include "renderer.h"
 
+#include "../common/environment_lights.h"
+
 #include <string.h>
 
 typedef struct arguments {
     program_arguments common;
     int visibility, store, hash, cache_mb;
+    const char *grid; /* NAME of --visibility grid=NAME */
     bool shared;
+    bool select_given, adaptive_given; /* --select; --tolerance or --certainty */
     settings settings;
 } arguments;
 
@@ -22,6 +26,7 @@ static arguments defaults(void)
     s->refine_above = 0.5f;
     s->ce = -1.0f;
     s->ce_delta = -1.0f;
+    s->tolerance = s->certainty = -1.0f;
     s->cache = vcache_default_config();
     return a;
 }
@@ -36,7 +41,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "spp", .kind = OPTION_INT, .value = &p->spp, .min = 1, .max = 4096, .help = "eye paths per pixel"},
         {.name = "vpls", .kind = OPTION_INT, .value = &s->vpls, .min = 0, .max = 65536,
          .help = "virtual point lights"},
-        PROGRAM_OPTION_ENV(p),
+        PROGRAM_OPTIONS_ENV(p),
         {.name = "env-samples", .kind = OPTION_INT, .value = &s->env_samples, .min = 0, .max = 4096,
          .shown = "8 / sqrt(spp)", .help = "environment samples per path"},
         {.name = "env-lights", .kind = OPTION_INT, .value = &s->env_lights, .min = 0, .max = 4096,
@@ -45,9 +50,14 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "8 / sqrt(spp)", .help = "samples of emissive surfaces per eye path"},
         PROGRAM_OPTIONS_CAMERA(p),
         {.name = "visibility", .kind = OPTION_CHOICE, .value = &a->visibility, .choices = visibility_names,
-         .metavar = "MODE", .shown = "cache; with --select estimate", .help = "exact, cache or estimate"},
+         .detail = &a->grid, .metavar = "MODE", .shown = "cache",
+         .help = "exact, cache, estimate, adaptive, adaptive-cache, grid[=NAME]"},
         {.name = "select", .kind = OPTION_FLOAT, .value = &s->rays, .min = 0.1, .max = 1000, .metavar = "K",
          .shown = "all; estimate 96 / spp, 1 or more", .help = "lights drawn per eye path"},
+        {.name = "tolerance", .kind = OPTION_FLOAT, .value = &s->tolerance, .min = 0, .max = 1000, .metavar = "T",
+         .shown = "0.1", .help = "adaptive: lights below T of the rest go untested"},
+        {.name = "certainty", .kind = OPTION_FLOAT, .value = &s->certainty, .min = 0, .max = 1, .metavar = "C",
+         .shown = "0.5", .help = "adaptive: share of the lights that are looked at together"},
         {.name = "ce", .kind = OPTION_FLOAT, .value = &s->ce, .min = 0.01, .max = 10000, .metavar = "X",
          .shown = "8; estimate 12", .help = "C_E of virtual lights: eye samples a cell side"},
         {.name = "ce-delta", .kind = OPTION_FLOAT, .value = &s->ce_delta, .min = 0, .max = 10000, .metavar = "X",
@@ -66,7 +76,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .help = "lights below X times the mean are not refined"},
         {.name = "cache-mb", .kind = OPTION_INT, .value = &a->cache_mb, .min = 1, .max = 16384,
          .help = "size of each cache in MiB"},
-        {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, .help = "one cache for all threads"},
+        {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, 
+         .help = "one cache for all threads; adaptive: hit rates at once"},
         {.name = "store", .kind = OPTION_CHOICE, .value = &a->store, .choices = store_names,
          .help = "answers as rows of light bits or as 32-bit words"},
         {.name = "hash", .kind = OPTION_CHOICE, .value = &a->hash, .choices = hash_names, .metavar = "H",
@@ -81,11 +92,15 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->spp = p->spp;
     s->threads = p->threads;
     s->seed = p->seed;
-    bool select = s->rays >= 0.0f;
+    const vcache_adaptive_config usual = vcache_adaptive_default_config();
+    a->adaptive_given = s->tolerance >= 0.0f || s->certainty >= 0.0f;
+    s->tolerance = s->tolerance < 0.0f ? usual.tolerance : s->tolerance;
+    s->certainty = s->certainty < 0.0f ? usual.certainty : s->certainty;
+    bool select = a->select_given = s->rays >= 0.0f;
     if (a->visibility < 0)
         a->visibility = select ? VISIBILITY_ESTIMATE : VISIBILITY_CACHE;
     s->visibility = (visibility_mode)a->visibility;
-    if (select && s->visibility != VISIBILITY_ESTIMATE)
+    if (select && !adapts(s->visibility) && s->visibility != VISIBILITY_ESTIMATE && s->visibility != VISIBILITY_GRID)
         s->visibility = s->visibility == VISIBILITY_CACHE ? VISIBILITY_SELECT_BY_CACHE : VISIBILITY_SELECT;
     s->shared = a->shared;
     s->words = a->store == 1;
@@ -98,18 +113,42 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
     s->light_samples = s->light_samples < 0 ? samples : s->light_samples;
     c->hash = (vcache_hash)a->hash; /* in the order of hash_names */
     c->table_bytes = (uint64_t)a->cache_mb << 20;
+    s->lattice = s->visibility == VISIBILITY_GRID;
     return status;
 }
 
-/* What whitted adds to program_check. */
-static bool check(const settings *s, message *err)
+/* What whitted adds to program_check; reads the grid's mode. */
+static bool check(arguments *a, message *err)
 {
+    settings *s = &a->settings;
+    if (a->adaptive_given && !adapts(s->visibility))
+        return fail(err, "--tolerance and --certainty need --visibility adaptive or adaptive-cache");
+    if (a->select_given && (s->lattice || adapts(s->visibility)))
+        return fail(err, "--select draws lights: not with --visibility %s", s->lattice ? "grid" : visibility_names[s->visibility]);
+    if (s->lattice && !grid_parse(a->grid, s, err))
+        return false;
     if (s->env_lights > 0 && s->env_samples > 0)
         return fail(err, "--env-lights stand for the environment: --env-samples must be 0");
+    if (s->lattice && !grid_samples_fit(s->spp))
+        return fail(err, "--visibility grid: --spp must be a square, at most %d", PASS);
     if (estimates(s->visibility) && (s->words || s->ce_delta > 0.0f || s->ce_samples > 0.0f))
         return fail(err, "%s does without --store words, --ce-delta and --ce-samples",
                     s->visibility == VISIBILITY_ESTIMATE ? "--visibility estimate" : "--select");
     return true;
+}
+
+/* The environment as lights that are the same for all eye samples. */
+static void add_environment_lights(scene *s, int count)
+{
+    environment_light *lights = xmalloc((size_t)count * sizeof *lights);
+    uint32_t n = environment_lights(s->environment, (uint32_t)count, lights);
+    if (n < (uint32_t)count)
+        notice("--env-lights %d: of so dark an environment only %u can be made", count, n);
+    for (uint32_t i = 0; i < n; i++)
+        scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL,
+                                   .direction = v3_neg(lights[i].direction),
+                                   .intensity = lights[i].irradiance});
+    free(lights);
 }
 
 static bool load_scene(const arguments *a, scene **out, message *err)
@@ -118,7 +157,8 @@ static bool load_scene(const arguments *a, scene **out, message *err)
         return false;
     if (a->settings.env_lights > 0 && !(*out)->environment)
         return fail(err, "--env-lights: the scene has no environment; --env gives it one");
-    direct_environment_lights(*out, a->settings.env_lights);
+    if (a->settings.env_lights > 0)
+        add_environment_lights(*out, a->settings.env_lights);
     return scene_finish(*out, err);
 }
 
@@ -135,7 +175,7 @@ int main(int argc, char *argv[])
     arguments a = defaults();
     message err = {0};
     options_status status = parse(&a, argc, argv, &err);
-    if (status != OPTIONS_OK || !program_check(&a.common, &err) || !check(&a.settings, &err))
+    if (status != OPTIONS_OK || !program_check(&a.common, &err) || !check(&a, &err))
         return program_stop(&a.common, status, &err);
     whitted w = {.view = {.settings = a.settings}};
     view *v = &w.view;

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "renderer.h"
 
-const char *const visibility_names[] = {"exact", "cache", "estimate", NULL};
+const char *const visibility_names[] = {"exact",          "cache",       "estimate", "adaptive",
+                                        "adaptive-cache", "grid[=NAME]", NULL};
 const char *const store_names[] = {"rows", "words", NULL};
 const char *const hash_names[] = {"split", "lcg-pair", "lcg-xorshift", NULL};
-static const char *const mode_names[VISIBILITY_MODES] = {"exact", "cache", "estimate", "selection", "cached-selection"};
+static const char *const mode_names[VISIBILITY_MODES] = {"exact",          "cache", "estimate",  "adaptive",
+                                                         "adaptive-cache", "grid",  "selection", "cached-selection"};
 
 static const settings *settings_of(const void *context)
 {
@@ -27,11 +29,25 @@ static bool render(void *context, const frame_request *wanted, frame *out, messa
     return ok;
 }
 
+/* "adaptive 0.2 0.5": tolerance, and certainty where there is room. */
+static void name_adaptive(const settings *s, visibility_mode served, char *out, size_t size)
+{
+    const char *mode = mode_names[s->visibility];
+    if (served != s->visibility)
+        snprintf(out, size, "%s: all", mode);
+    else if (s->visibility == VISIBILITY_ADAPTIVE)
+        snprintf(out, size, "%s %.3g %.2g", mode, (double)s->tolerance, (double)s->certainty);
+    else
+        snprintf(out, size, "%s %.2g", mode, (double)s->tolerance);
+}
+
 static void name(const void *context, const frame *f, char *out, size_t size)
 {
     const settings *s = settings_of(context);
     if (s->visibility == VISIBILITY_CACHE)
         snprintf(out, size, "cache C_E %g", (double)s->ce);
+    else if (adapts(s->visibility))
+        name_adaptive(s, lights_of(f)->served, out, size);
     else if (estimates(s->visibility) && lights_of(f)->served == VISIBILITY_EXACT)
         snprintf(out, size, "%s: all", mode_names[s->visibility]);
     else if (estimates(s->visibility))
@@ -61,6 +77,10 @@ static void json(const void *context, const frame *f, cJSON *out)
     json_add_float(out, "ce", s->ce);
     if (estimates(s->visibility))
         json_add_float(out, "select", s->rays);
+    if (adapts(s->visibility)) {
+        json_add_float(out, "tolerance", s->tolerance);
+        json_add_float(out, "certainty", s->certainty);
+    }
     json_add_float(out, "refine_above", s->refine_above);
     json_add_float(out, "ce_delta", s->ce_delta);
     json_add_float(out, "ce_samples", s->ce_samples);
@@ -74,6 +94,23 @@ static void json(const void *context, const frame *f, cJSON *out)
     json_add_number(out, "cache_mb", (double)(s->cache.table_bytes >> 20));
 }
 
+static void json_run(const void *context, const frame *f, cJSON *out)
+{
+    const grid_figures *g = &lights_of(f)->grid;
+    (void)context;
+    if (!estimates(lights_of(f)->served))
+        json_add_number(out, "visibility_s", lights_of(f)->visibility_s);
+    if (lights_of(f)->served != VISIBILITY_GRID)
+        return;
+    json_add_number(out, "rays_s", g->rays_s);
+    json_add_number(out, "rays_coarse", (double)g->coarse);
+    json_add_number(out, "rays_silhouette", (double)g->silhouette);
+    json_add_number(out, "rays_uncertain", (double)g->uncertain);
+    json_add_number(out, "rays_flooded", (double)g->flooded);
+    json_add_number(out, "surprises", (double)g->surprises);
+    json_add_number(out, "batches", (double)g->batches);
+}
+
 static void texts(const void *context, const frame *f, bool exact, image_texts *out)
 {
     const settings *s = settings_of(context);
@@ -84,6 +121,10 @@ static void texts(const void *context, const frame *f, bool exact, image_texts *
     image_text(out, "served", "%s", mode_names[lights_of(f)->served]);
     if (estimates(mode))
         image_text(out, "select", "%g", (double)s->rays);
+    if (adapts(mode)) {
+        image_text(out, "tolerance", "%g", (double)s->tolerance);
+        image_text(out, "certainty", "%g", (double)s->certainty);
+    }
     if (!uses_cache(mode))
         return;
     image_text(out, "ce", "%g", (double)s->ce);
@@ -107,8 +148,9 @@ static bool truth_fits(const view *v)
 
 renderer whitted_renderer(whitted *w, bool compare)
 {
-    /* an estimate predicts no single ray */
-    bool wanted = compare && !estimates(w->view.settings.visibility), fits = wanted && truth_fits(&w->view);
+    /* an estimate predicts no single ray, nor what is left untested */
+    visibility_mode mode = w->view.settings.visibility;
+    bool wanted = compare && !estimates(mode) && !adapts(mode), fits = wanted && truth_fits(&w->view);
     if (wanted && !fits)
         notice("too many pairs to keep a record of: mispredictions are not counted");
     return (renderer){.context = w,
@@ -119,5 +161,6 @@ renderer whitted_renderer(whitted *w, bool compare)
                       .name = name,
                       .heading = heading,
                       .json = json,
+                      .json_run = json_run,
                       .texts = texts};
 }

@@ -2,15 +2,9 @@
 /* Unoccluded contributions of all lights to the eye samples of a chunk, and the sum of what turns out visible. */
 #include "whitted.h"
 
-#include <string.h>
+#include "clones.h"
 
-/* The loops over virtual point lights are compiled for each vector width and chosen at run time. Sanitizers dislike the
- * resolvers that this needs. */
-#if defined(__x86_64__) && defined(__linux__) && defined(__OPTIMIZE__) && !defined(NO_CLONES)
-#define CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-#else
-#define CLONES
-#endif
+#include <string.h>
 
 /* 16 floats, in whatever registers the machine has; loaded from anywhere. */
 typedef float lanes16 __attribute__((vector_size(64), aligned(4), may_alias));
@@ -41,9 +35,11 @@ void chunk_new(chunk *c, const view *v, const vpl_set *vpls, uint32_t punctual)
     bits_new(&c->bits[LIGHTS_PUNCTUAL], punctual);
     bits_new(&c->bits[LIGHTS_SAMPLED], samples);
     c->geometry = floats_new((size_t)CHUNK * vpls->padded);
+    c->punctual = punctuals_new(v->scene, punctual);
+    c->punctual_geometry = floats_new((size_t)CHUNK * c->punctual.padded);
     c->contribution = floats_new(vpls->padded);
+    c->weight = floats_new(vpls->padded + c->punctual.padded + (size_t)64 * c->bits[LIGHTS_SAMPLED].words);
     /* zeroed: lanes of packets are aimed for eye samples that reflect nothing and so have no samples */
-    c->punctual = xcalloc((size_t)CHUNK * punctual + 1, sizeof *c->punctual);
     c->sampled = xcalloc((size_t)CHUNK * samples + 1, sizeof *c->sampled);
     c->sampled_density = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled_density);
     c->sampled_normal = xmalloc(((size_t)CHUNK * samples + 1) * sizeof *c->sampled_normal);
@@ -58,7 +54,9 @@ void chunk_free(chunk *c)
     }
     free(c->geometry);
     free(c->contribution);
-    free(c->punctual);
+    free(c->weight);
+    punctuals_free(&c->punctual);
+    free(c->punctual_geometry);
     free(c->sampled);
     free(c->sampled_density);
     free(c->sampled_normal);
@@ -182,15 +180,16 @@ CLONES static void spread_bits(const uint64_t *restrict bits, uint32_t words, fl
         }
 }
 
-/* The light of all virtual point lights, each seen as far as `seen` says. */
-CLONES static rgb weighted_sum(const vpl_set *l, const float *geometry, const float *seen)
+/* The light of `padded` lights, each seen as far as `seen` says. */
+CLONES static rgb weighted_sum(const float *red, const float *green, const float *blue, uint32_t padded,
+                               const float *geometry, const float *seen)
 {
     lanes16 r = {0}, g = {0}, b = {0};
-    for (uint32_t at = 0; at < l->padded; at += 16) {
+    for (uint32_t at = 0; at < padded; at += 16) {
         lanes16 v = LANES16_OF(geometry + at) * LANES16_OF(seen + at);
-        r += v * LANES16_OF(l->r + at);
-        g += v * LANES16_OF(l->g + at);
-        b += v * LANES16_OF(l->b + at);
+        r += v * LANES16_OF(red + at);
+        g += v * LANES16_OF(green + at);
+        b += v * LANES16_OF(blue + at);
     }
     rgb sum = {0, 0, 0};
     for (uint32_t k = 0; k < 16; k++)
@@ -206,20 +205,8 @@ rgb shade_response(const vpl_set *l, const eye_sample *e, uint32_t i)
 
 rgb shade_expected_diffuse(const vpl_set *l, const eye_sample *e, const float *geometry, const float *seen)
 {
-    return v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), weighted_sum(l, geometry, seen));
-}
-
-/* Materials with a gloss need their BRDF for each light. */
-static rgb glossy_sum(const vpl_set *l, const eye_sample *e, const float *geometry, const uint64_t *visible,
-                      uint32_t words)
-{
-    rgb sum = {0, 0, 0};
-    for (uint32_t w = 0; w < words; w++)
-        for (uint64_t word = visible[w]; word; word &= word - 1) {
-            uint32_t i = 64 * w + (uint32_t)__builtin_ctzll(word);
-            sum = v3_mad(sum, geometry[i], shade_response(l, e, i));
-        }
-    return sum;
+    rgb sum = weighted_sum(l->r, l->g, l->b, l->padded, geometry, seen);
+    return v3_mul(v3_scale(e->surface.color, 1.0f / PI_F), sum);
 }
 
 void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
@@ -245,41 +232,60 @@ void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c)
                              virtual->refine + (size_t)e * virtual->words);
         }
 
-        if (punctual->lights > 0)
-            direct_punctuals(v, s, c->punctual + (size_t)e * punctual->lights,
-                             punctual->asked + (size_t)e * punctual->words);
+        geometry = c->punctual_geometry + (size_t)e * c->punctual.padded;
+        punctuals_geometry(&c->punctual, s, geometry);
+        shade_bits_above(geometry, 0.0f, punctual->words, punctual->asked + (size_t)e * punctual->words);
     }
     direct_samples(v, c);
 }
 
-static rgb sample_sum(const light_sample *samples, const uint64_t *visible, uint32_t words)
+/* Virtual or punctual lights. Materials with a gloss need their BRDF for each. */
+static rgb light_of(const vpl_set *vpls, const chunk *c, uint32_t e, bool punctual, const float *weight)
 {
+    const eye_sample *s = c->eyes[e];
+    const punctual_set *p = &c->punctual;
+    const float *geometry =
+        punctual ? c->punctual_geometry + (size_t)e * p->padded : c->geometry + (size_t)e * vpls->padded;
     rgb sum = {0, 0, 0};
-    for (uint32_t w = 0; w < words; w++)
-        for (uint64_t word = visible[w]; word; word &= word - 1)
-            sum = v3_add(sum, samples[64 * w + (uint32_t)__builtin_ctzll(word)].value);
+    if (s->surface.material->kind == MATERIAL_DIFFUSE) {
+        if (!punctual)
+            return shade_expected_diffuse(vpls, s, geometry, weight);
+        sum = weighted_sum(p->r, p->g, p->b, p->padded, geometry, weight);
+        return v3_mul(v3_scale(s->surface.color, 1.0f / PI_F), sum);
+    }
+    for (uint32_t i = 0; i < (punctual ? p->count : vpls->count); i++)
+        if (weight[i] > 0.0f)
+            sum = v3_mad(sum, geometry[i] * weight[i],
+                         punctual ? punctuals_response(p, s, i) : shade_response(vpls, s, i));
     return sum;
+}
+
+rgb shade_weighted(const vpl_set *vpls, const chunk *c, uint32_t e, const float *const weight[LIGHT_GROUPS])
+{
+    const eye_sample *s = c->eyes[e];
+    rgb sum = v3_mul(light_of(vpls, c, e, false, weight[LIGHTS_VIRTUAL]), s->weight), samples = {0, 0, 0};
+    sum = v3_add(sum, c->material[e]);
+    if (c->punctual.count > 0)
+        sum = v3_add(sum, v3_mul(light_of(vpls, c, e, true, weight[LIGHTS_PUNCTUAL]), s->weight));
+    const pair_bits *b = &c->bits[LIGHTS_SAMPLED];
+    for (uint32_t i = 0; i < b->lights; i++)
+        if (weight[LIGHTS_SAMPLED][i] > 0.0f)
+            samples = v3_mad(samples, weight[LIGHTS_SAMPLED][i], c->sampled[(size_t)e * b->lights + i].value);
+    return v3_add(sum, samples);
 }
 
 void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels)
 {
     for (uint32_t e = 0; e < c->count; e++) {
-        const eye_sample *s = c->eyes[e];
-        const pair_bits *b = &c->bits[LIGHTS_VIRTUAL];
-        const uint64_t *visible = b->visible + (size_t)e * b->words;
-        const float *geometry = c->geometry + (size_t)e * vpls->padded;
-        rgb sum;
-        if (s->surface.material->kind == MATERIAL_DIFFUSE) {
-            spread_bits(visible, b->words, c->contribution);
-            sum = shade_expected_diffuse(vpls, s, geometry, c->contribution);
-        } else
-            sum = glossy_sum(vpls, s, geometry, visible, b->words);
-        sum = v3_add(v3_mul(sum, s->weight), c->material[e]);
-
-        b = &c->bits[LIGHTS_PUNCTUAL];
-        sum = v3_add(sum, sample_sum(c->punctual + (size_t)e * b->lights, b->visible + (size_t)e * b->words, b->words));
-        b = &c->bits[LIGHTS_SAMPLED];
-        sum = v3_add(sum, sample_sum(c->sampled + (size_t)e * b->lights, b->visible + (size_t)e * b->words, b->words));
-        pixels->lit[s->pixel] = v3_add(pixels->lit[s->pixel], sum);
+        const float *weight[LIGHT_GROUPS];
+        float *to = c->weight;
+        for (int g = 0; g < LIGHT_GROUPS; g++) {
+            const pair_bits *b = &c->bits[g];
+            spread_bits(b->visible + (size_t)e * b->words, b->words, to);
+            weight[g] = to;
+            to += (size_t)64 * b->words;
+        }
+        rgb *lit = &pixels->lit[c->eyes[e]->pixel];
+        *lit = v3_add(*lit, shade_weighted(vpls, c, e, weight));
     }
 }

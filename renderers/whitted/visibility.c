@@ -27,7 +27,8 @@ ray_counts visibility_counts(const visibility *o)
     return o->counts;
 }
 
-static uint64_t count_asked(chunk *c, tile_pixels *pixels)
+/* Adds the pairs that each eye sample asks for to `counts`, of its pixel. */
+static uint64_t count_asked(const chunk *c, uint32_t *counts)
 {
     uint64_t all = 0;
     for (uint32_t e = 0; e < c->count; e++) {
@@ -35,7 +36,7 @@ static uint64_t count_asked(chunk *c, tile_pixels *pixels)
         for (int g = 0; g < LIGHT_GROUPS; g++)
             for (uint32_t w = 0; w < c->bits[g].words; w++)
                 asked += (uint32_t)__builtin_popcountll(c->bits[g].asked[(size_t)e * c->bits[g].words + w]);
-        pixels->asked[c->eyes[e]->pixel] += asked;
+        counts[c->eyes[e]->pixel] += asked;
         all += asked;
     }
     return all;
@@ -61,9 +62,19 @@ static void aim(visibility *o, const chunk *c, lanes l, int group, uint32_t i)
         }
         return;
     }
-    const light_sample *samples = group == LIGHTS_PUNCTUAL ? c->punctual : c->sampled;
+    if (group == LIGHTS_PUNCTUAL) {
+        bool infinite;
+        vec3 to = punctuals_target(&c->punctual, i, &infinite);
+        for (int k = 0; k < GROUP; k++) {
+            p->dir_x[k] = infinite ? to.x : to.x - p->org_x[k];
+            p->dir_y[k] = infinite ? to.y : to.y - p->org_y[k];
+            p->dir_z[k] = infinite ? to.z : to.z - p->org_z[k];
+            p->tfar[k] = infinite ? INFINITY : RAY_END;
+        }
+        return;
+    }
     for (uint32_t k = 0; k < l.count; k++) {
-        const light_sample *s = &samples[(size_t)(l.first + k) * c->bits[group].lights + i];
+        const light_sample *s = &c->sampled[(size_t)(l.first + k) * c->bits[group].lights + i];
         p->dir_x[k] = s->infinite ? s->target.x : s->target.x - p->org_x[k];
         p->dir_y[k] = s->infinite ? s->target.y : s->target.y - p->org_y[k];
         p->dir_z[k] = s->infinite ? s->target.z : s->target.z - p->org_z[k];
@@ -114,8 +125,7 @@ static uint64_t trace_groups(visibility *o, chunk *c, int first_group, int last_
 static void resolve_exact(visibility *o, chunk *c, tile_pixels *pixels)
 {
     o->counts.traced += trace_groups(o, c, 0, LIGHT_GROUPS - 1);
-    for (uint32_t e = 0; e < c->count; e++)
-        pixels->traced[c->eyes[e]->pixel] = pixels->asked[c->eyes[e]->pixel];
+    count_asked(c, pixels->traced);
 }
 
 /* ------------------------------------------------------------------------------------------------------ cached */
@@ -215,7 +225,7 @@ static void trace_uncached(visibility *o, chunk *c, int group, tile_pixels *pixe
         pixels->traced[c->eyes[i / b->words]->pixel] += (uint32_t)__builtin_popcountll(b->asked[i]);
 }
 
-static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
+static void prepare_eyes(visibility *o, chunk *c, tile_pixels *pixels)
 {
     const settings *f = &o->view->settings;
     o->chunk = c;
@@ -225,23 +235,26 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
         vcache_surface end = {.density = s->density, .user = e};
         vec3_store(end.position, s->surface.position);
         vec3_store(end.normal, s->surface.geometric_normal);
-        vcache_eye *eye = eye_at(o, e, 0);
-        vcache_prepare_eye(o->caches->table, &end, f->ce, 0, eye);
+        vcache_prepare_eye(o->caches->table, &end, f->ce, 0, eye_at(o, e, 0));
         if (!pixels->cell[s->pixel])
-            pixels->cell[s->pixel] = vcache_eye_cell(eye, 0);
-        add_all(o, eye, o->caches->virtual_ends, o->caches->virtual_set, &c->bits[LIGHTS_VIRTUAL], e);
-        if (c->bits[LIGHTS_SAMPLED].lights && f->ce_samples > 0.0f) {
-            if (f->ce_samples != f->ce) {
-                eye = eye_at(o, e, 1);
-                vcache_prepare_eye(o->caches->table, &end, f->ce_samples, 0, eye);
-            }
-            add_sampled(o, eye, c, e);
-        }
-        if (c->bits[LIGHTS_PUNCTUAL].lights && f->ce_delta > 0.0f) {
-            eye = eye_at(o, e, 2);
-            vcache_prepare_eye(o->caches->table, &end, f->ce_delta, 0, eye);
-            add_all(o, eye, o->caches->punctual_ends, o->caches->punctual_set, &c->bits[LIGHTS_PUNCTUAL], e);
-        }
+            pixels->cell[s->pixel] = vcache_eye_cell(eye_at(o, e, 0), 0);
+        if (c->bits[LIGHTS_SAMPLED].lights && f->ce_samples > 0.0f && f->ce_samples != f->ce)
+            vcache_prepare_eye(o->caches->table, &end, f->ce_samples, 0, eye_at(o, e, 1));
+        if (c->bits[LIGHTS_PUNCTUAL].lights && f->ce_delta > 0.0f)
+            vcache_prepare_eye(o->caches->table, &end, f->ce_delta, 0, eye_at(o, e, 2));
+    }
+}
+
+static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
+{
+    const settings *f = &o->view->settings;
+    for (uint32_t e = 0; e < c->count; e++) {
+        add_all(o, eye_at(o, e, 0), o->caches->virtual_ends, o->caches->virtual_set, &c->bits[LIGHTS_VIRTUAL], e);
+        if (c->bits[LIGHTS_SAMPLED].lights && f->ce_samples > 0.0f)
+            add_sampled(o, eye_at(o, e, f->ce_samples != f->ce), c, e);
+        if (c->bits[LIGHTS_PUNCTUAL].lights && f->ce_delta > 0.0f)
+            add_all(o, eye_at(o, e, 2), o->caches->punctual_ends, o->caches->punctual_set, &c->bits[LIGHTS_PUNCTUAL],
+                    e);
     }
     vcache_resolve(o->worker, trace_misses, o);
     if (f->ce_samples > 0.0f)
@@ -315,11 +328,27 @@ void visibility_free(visibility *o)
     free(o);
 }
 
+void visibility_begin(visibility *o, chunk *c, tile_pixels *pixels)
+{
+    o->counts.asked += count_asked(c, pixels->asked);
+    if (o->caches && !o->aside)
+        prepare_eyes(o, c, pixels);
+}
+
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels)
 {
-    o->counts.asked += count_asked(c, pixels);
+    visibility_begin(o, c, pixels);
     if (o->caches && !o->aside)
         resolve_cached(o, c, pixels);
     else
         resolve_exact(o, c, pixels);
+}
+
+void visibility_test(visibility *o, chunk *c, tile_pixels *pixels)
+{
+    if (o->caches && !o->aside) {
+        resolve_cached(o, c, pixels);
+        return;
+    }
+    o->counts.traced += packed_trace(o->view->tracer, o->vpls, c, pixels);
 }

@@ -5,12 +5,15 @@
  *   eye_paths.c   traces eye paths into a deep buffer of samples that want light,
  *   shade.c       pairs each of them with virtual point lights, punctual lights and light samples (direct.c),
  *   visibility.c  decides which pairs see each other, by packets of rays or by the cache,
+ *   adaptive.c    or which of them are worth deciding,
  * and the visible contributions are summed. frame.c runs the tiles on all cores, renderers/common/comparison.c sets two
  * frames side by side.
  */
 #ifndef WHITTED_H
 #define WHITTED_H
 
+#include "vcache/adaptive.h"
+#include "vcache/grid.h"
 #include "vcache/vcache.h"
 
 #include "../common/emitters.h"
@@ -32,8 +35,12 @@ enum {
 typedef enum visibility_mode {
     VISIBILITY_EXACT,
     VISIBILITY_CACHE,
-    /* virtual and punctual lights by few rays, without bias: */
-    VISIBILITY_ESTIMATE,        /* the cache as control variate, rays where that is uncertain */
+    VISIBILITY_ESTIMATE,       /* virtual and punctual lights by few rays, without bias: the cache as control variate,
+                                  rays where that is uncertain */
+    VISIBILITY_ADAPTIVE,       /* what would bring much is traced, the rest added by its hit rate */
+    VISIBILITY_ADAPTIVE_CACHE, /* what would bring much goes through the cache */
+    VISIBILITY_GRID,           /* directional lights by the coherence of neighbouring pixels (vcache/grid.h) */
+    /* --select, few rays without bias as well: */
     VISIBILITY_SELECT,          /* no cache; lights drawn by what they would bring unoccluded */
     VISIBILITY_SELECT_BY_CACHE, /* by that and by what the cache expects to be seen */
     VISIBILITY_MODES
@@ -44,19 +51,23 @@ typedef struct settings {
     int spp;
     int vpls;
     int env_samples, light_samples; /* per eye sample; with one more drawn by the material */
-    int env_lights; /* the environment is also this many of the scene's directional lights (direct_environment_lights)
-                     */
+    int env_lights;                 /* the environment is also this many of the scene's directional lights */
     uint64_t seed;
     int threads; /* 0: one per CPU */
     visibility_mode visibility;
-    float rays;          /* mean per eye sample, where few are traced */
-    float ce;            /* C_E of virtual point lights; of the finest cells where few rays are traced */
+    bool lattice;            /* eye paths at the middles of k x k squares of their pixel, spp = k^2, at most PASS */
+    vcache_grid_config grid; /* but for `pixels` and `rays` */
+    uint32_t grid_block;     /* lattice pixels a side; 0: the whole image */
+    float rays;              /* mean per eye sample, where few are traced */
+    float ce;                /* C_E of virtual point lights; of the finest cells where few rays are traced */
     float refine_above;  /* virtual point lights below this times the eye sample's mean contribution are not refined */
     float ce_delta;      /* of point, spot and directional lights; 0: these are traced */
     float ce_samples;    /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
     bool words;          /* all answers in the table of 32-bit words instead of rows of light bits */
-    bool shared;         /* one cache for all threads instead of one each */
+    bool shared; /* one cache for all threads instead of one for each region of the image; hit rates learnt on the way,
+                    by all */
+    float tolerance, certainty; /* t and c of adaptive shadow testing; t = 0: all are tested, as without it */
 } settings;
 
 /* ------------------------------------------------------------------------------------------------ lights (vpl.c) */
@@ -90,6 +101,8 @@ extern const vpl_set vpls_none;
 
 /* ------------------------------------------------------------------------------------------ eye paths (eye_paths.c) */
 
+#define PLACE_NONE UINT32_MAX
+
 /* Last vertex of an eye path: a non-specular surface point that is to be lit. */
 typedef struct eye_sample {
     surface surface;
@@ -97,6 +110,7 @@ typedef struct eye_sample {
     rgb weight;      /* of radiance towards wo in the pixel */
     float density;   /* eye samples per unit area */
     uint32_t pixel;  /* in the tile */
+    uint32_t place;  /* number of the path in its pixel; PLACE_NONE: behind specular surfaces */
     uint64_t random; /* index of its random numbers */
 } eye_sample;
 
@@ -135,6 +149,32 @@ typedef struct light_sample {
     rgb value; /* unoccluded contribution to the pixel */
 } light_sample;
 
+/* Punctual lights as seen by whoever is lit (punctual.c): one array a component, padded with lights of no power. */
+typedef struct punctual_set {
+    uint32_t count, padded;
+    float *x, *y, *z;      /* position; of directional lights the direction to them */
+    float *dx, *dy, *dz;   /* the way a spot light shines */
+    float *finite;         /* 0: directional, else 1 */
+    uint64_t *directional; /* [padded / 64] a bit for each of these */
+    bool all_directional;
+    float *slope, *rise; /* fall-off: cosine * slope + rise, in 0 ... 1, to the power of `power` */
+    uint32_t *power;
+    float *r, *g, *b; /* intensity, or irradiance */
+} punctual_set;
+
+/* The first `count` lights of a scene. */
+punctual_set punctuals_new(const scene *s, uint32_t count);
+void punctuals_free(punctual_set *l);
+/* cos fall-off / r^2 of each light at an eye sample, padded; 0 where nothing arrives or nothing of it is reflected. */
+void punctuals_geometry(const punctual_set *l, const eye_sample *e, float *out);
+/* Cosines of the directional lights with the normal, padded; 0 for others, and below its horizon or that of the
+ * geometric normal. */
+void punctuals_cosines(const punctual_set *l, const surface *s, float *out);
+/* Position, or direction to it. */
+vec3 punctuals_target(const punctual_set *l, uint32_t i, bool *infinite);
+/* BRDF of the eye sample times intensity of light i. */
+rgb punctuals_response(const punctual_set *l, const eye_sample *e, uint32_t i);
+
 /* Pairs of the eye samples of a chunk with one kind of light: bit i of a row is light i. */
 typedef struct pair_bits {
     uint32_t lights, words; /* 64-bit words a row */
@@ -148,11 +188,12 @@ typedef struct chunk {
     const eye_sample *eyes[CHUNK];
     uint32_t count;
     pair_bits bits[LIGHT_GROUPS];
-    float *geometry;        /* [CHUNK][vpls.padded]: cos cos / r^2 of each virtual point light */
-    float *contribution;    /* scratch of one eye sample */
-    light_sample *punctual; /* [CHUNK][lights] */
-    light_sample *sampled;  /* [CHUNK][samples] */
-    float *sampled_density; /* of the samples, per unit area or steradian */
+    float *geometry;              /* [CHUNK][vpls.padded]: cos cos / r^2 of each virtual point light */
+    float *contribution, *weight; /* scratch of one eye sample */
+    punctual_set punctual;
+    float *punctual_geometry; /* [CHUNK][punctual.padded]: the same of each punctual light */
+    light_sample *sampled;    /* [CHUNK][samples] */
+    float *sampled_density;   /* of the samples, per unit area or steradian */
     vec3 *sampled_normal;
     bool reflects[CHUNK]; /* false: black, asks for nothing */
     rgb material[CHUNK];  /* what the material's own sample found: a traced path, no shadow ray */
@@ -173,6 +214,9 @@ void chunk_free(chunk *c);
 void shade_unoccluded(const view *v, const vpl_set *vpls, chunk *c);
 /* Adds what is visible to the pixels. Sums in the order of lights, whatever the order of tracing was. */
 void shade_sum(const vpl_set *vpls, const chunk *c, tile_pixels *pixels);
+/* What one eye sample adds to its pixel where each light is seen as far as its weight says (0 ... 1); rows padded to
+ * 64, with anything finite behind the last light. */
+rgb shade_weighted(const vpl_set *vpls, const chunk *c, uint32_t e, const float *const weight[LIGHT_GROUPS]);
 
 /* For one eye sample: the geometry of each virtual point light, and times `power` (its luminance, say), into `out`; all
  * padded. Returns how many are above 0. */
@@ -191,12 +235,10 @@ void shade_bits_above(const float *values, float bound, uint32_t words, uint64_t
 rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 
 /* direct.c */
-/* Adds `count` directional lights that stand for the scene's environment, the same for all eye samples: drawn by its
- * radiance, each with its share of the whole. Before scene_finish. */
-void direct_environment_lights(scene *s, int count);
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
-/* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. */
+/* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. `skip` (NULL: none): bits of
+ * lights to leave alone. */
 void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked);
 /* For the eye samples of a chunk that reflect: samples of emitters (density per area, normal) and of the environment
  * (density per steradian), with their asked bits, and one direction each drawn by the material and traced; all weighted
@@ -210,7 +252,7 @@ void direct_order(const view *v, const eye_sample *e, uint32_t count, uint16_t *
 /* One thread's means of deciding visibility. */
 typedef struct visibility visibility;
 
-/* The caches of one thread, or of all. */
+/* The caches of one region of the image, or of all. */
 typedef struct caches {
     vcache *table; /* light samples; with settings.words all lights */
     vcache_light *virtual_ends, *punctual_ends;
@@ -225,12 +267,35 @@ void caches_free(caches *c);
 /* `used` is NULL for exact visibility. */
 visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *used);
 void visibility_free(visibility *o);
+/* The same in parts: counts and prepares, then decides as often as the asked bits are set anew, the visible ones
+ * cleared. */
+void visibility_begin(visibility *o, chunk *c, tile_pixels *pixels);
+void visibility_test(visibility *o, chunk *c, tile_pixels *pixels);
 /* Before each pass over a tile. True where it is to be exact: of what was asked of the cache last, so much had to be
  * traced that packets of all of it are faster. Decided from counts alone. */
 bool visibility_steps_aside(visibility *o);
 /* Sets the visible bits of the chunk. */
 void visibility_resolve(visibility *o, chunk *c, tile_pixels *pixels);
 ray_counts visibility_counts(const visibility *o);
+/* packed.c: traces what is asked for, where that is little; returns the number of rays, and counts those of each pixel.
+ */
+uint64_t packed_trace(const tracer *t, const vpl_set *vpls, chunk *c, tile_pixels *pixels);
+
+/* -------------------------------------------------------------------------------------------- adaptive (adaptive.c) */
+
+/* Whether a mode tests lights in the order of what they bring. */
+bool adapts(visibility_mode mode);
+/* Hit rates of a frame's lights, for all threads; *out is NULL without lights. */
+bool adaptive_rates_new(const view *v, const vpl_set *vpls, vcache_adaptive **out, message *err);
+/* One thread's means of choosing what is tested; NULL where there are no rates. */
+typedef struct adaptive adaptive;
+adaptive *adaptive_new(const view *v, const vpl_set *vpls, vcache_adaptive *rates);
+void adaptive_free(adaptive *o);
+/* Learns hit rates at some points all over the image, while no other thread uses them. `c` is scratch. */
+void adaptive_learn(adaptive *o, visibility *by, chunk *c);
+/* The light of a chunk, of which shade_unoccluded knows what it would be at most: tests what matters by `by` and adds
+ * all to the pixels. */
+void adaptive_light(adaptive *o, visibility *by, chunk *c, tile_pixels *pixels);
 
 /* ------------------------------------------------------------------------------------------- estimate (estimator.c) */
 
@@ -248,6 +313,46 @@ void estimator_free(estimator *o);
 void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count, tile_pixels *pixels);
 ray_counts estimator_counts(const estimator *o);
 
+/* --------------------------------------------------------------------------------------------- grid coherence (grid.c)
+ */
+
+/* Reads what follows --visibility grid= (NULL: nothing): a mode of vcache_grid_parse_mode, and block=N. */
+bool grid_parse(const char *text, settings *f, message *err);
+/* Whether so many eye paths per pixel make a lattice. */
+bool grid_samples_fit(int spp);
+
+/* The scene's directional lights, their cells, and how the image is cut into blocks of tiles. */
+typedef struct grid_scene grid_scene;
+/* *out is to be freed in any case. Nothing but grid_light_count may be asked of one without lights. */
+bool grid_scene_new(const view *v, grid_scene **out, message *err);
+void grid_scene_free(grid_scene *g);
+uint32_t grid_light_count(const grid_scene *g);
+uint32_t grid_blocks(const grid_scene *g);
+
+typedef struct grid_tile {
+    tile tile; /* its index: by row and column */
+    eye_samples samples;
+    tile_pixels *pixels;
+} grid_tile;
+
+/* What one thread needs. */
+typedef struct grid_station grid_station;
+/* *out is to be freed in any case. */
+bool grid_station_new(const grid_scene *g, grid_station **out, message *err);
+void grid_station_free(grid_station *o);
+/* Traces the eye paths of a block and decides its directional lights. Returns the number of its tiles, and adds the
+ * time that the lights took. */
+uint32_t grid_block(grid_station *o, uint32_t index, grid_tile **tiles, double *seconds);
+/* Sets the visible bits of a chunk of a tile of that block; lights that are not decided go to `others`. */
+void grid_resolve(grid_station *o, visibility *others, const tile *t, chunk *c, tile_pixels *pixels);
+
+/* Of a frame: seconds of all threads in tracing decided lights; their rays as of vcache_grid_statistics. */
+typedef struct grid_figures {
+    double rays_s;
+    uint64_t coarse, silhouette, uncertain, flooded, surprises, batches, bytes;
+} grid_figures;
+ray_counts grid_counts(const grid_station *o, grid_figures *add);
+
 /* ------------------------------------------------------------------------------------------------- frame (frame.c) */
 
 /* Exact visibility of every pair of a frame, to count mispredictions with. */
@@ -260,6 +365,8 @@ typedef struct truth {
 typedef struct frame_lights {
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
+    double visibility_s;    /* of shade_s: deciding visibility, rays included; not an estimator's */
+    grid_figures grid;
 } frame_lights;
 
 static inline const frame_lights *lights_of(const frame *f)

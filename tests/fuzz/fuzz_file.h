@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* An input as a file of its own, in memory where the system has a place for that. */
+#ifndef FUZZ_FILE_H
+#define FUZZ_FILE_H
+
+#include "fuzz.h"
+
+#include <unistd.h>
+
+static char fuzz_folder[64];
+
+static void fuzz_remove_folder(void)
+{
+    rmdir(fuzz_folder);
+}
+
+static inline void fuzz_write(const uint8_t *data, size_t size, const char *extension, char path[128])
+{
+    if (!*fuzz_folder) {
+        snprintf(fuzz_folder, sizeof fuzz_folder, "%s/fuzz-XXXXXX",
+                 access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
+        if (!mkdtemp(fuzz_folder) || atexit(fuzz_remove_folder))
+            exit(2);
+    }
+    snprintf(path, 128, "%s/x.%s", fuzz_folder, extension);
+    FILE *f = fopen(path, "wb");
+    if (!f || fwrite(data, 1, size, f) != size || fclose(f))
+        exit(2);
+}
+
+/* Exactly one line on failure. */
+#define ENSURE_MESSAGE(ok, err) ENSURE((ok) || ((err)->text[0] && !strchr((err)->text, '\n')))
+
+#endif

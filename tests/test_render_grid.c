@@ -1,0 +1,259 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* whitted --visibility grid on small scenes: against exact visibility, and the failures that the paper shows. */
+#include "render_support.h"
+
+/* A tilted ring, a box and a ball over a floor, under `lights` directional lights all over the sky. */
+static stage ring_stage(uint32_t width, uint32_t height, int spp, int lights)
+{
+    scene *s = scene_new("ring");
+    uint32_t grey = add_material(s, MATERIAL_DIFFUSE, 0.7f);
+    add_box(s, v3(-4, -0.2f, -4), v3(4, 0, 4), 63, grey);
+    add_box(s, v3(0.9f, 0.3f, -1.2f), v3(1.5f, 1.0f, -0.5f), 63, grey);
+    enum { PIECES = 24 };
+    vec3 corner[6 * PIECES]; /* a flat ring, standing askew */
+    for (int i = 0; i < PIECES; i++) {
+        vec3 p[4];
+        for (int k = 0; k < 4; k++) {
+            float angle = 2.0f * PI_F * (float)(i + (k & 1)) / PIECES, radius = k < 2 ? 0.55f : 0.9f;
+            float x = radius * cosf(angle), y = radius * sinf(angle);
+            p[k] = v3(-0.6f + x, 1.1f + 0.8f * y, 0.6f * y);
+        }
+        const int order[6] = {0, 1, 3, 0, 3, 2};
+        for (int k = 0; k < 6; k++)
+            corner[6 * i + k] = p[order[k]];
+    }
+    scene_add_instance(s, (instance){.mesh = scene_add_mesh(s, corners_mesh(corner, 2 * PIECES, grey))});
+    memcpy(s->instances[s->instance_count - 1].to_world, transform_identity, sizeof transform_identity);
+    rng r = rng_make(5, 0);
+    for (int i = 0; i < lights; i++) {
+        vec3 d = random_direction(&r);
+        d.y = -fabsf(d.y);
+        float e = 0.5f + rng_float(&r);
+        scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL, .direction = d, .intensity = v3(e, 0.9f * e, 0.8f * e)});
+    }
+    s->environment = environment_uniform(v3(0.1f, 0.1f, 0.1f));
+    stage g = stage_new(s, camera_look(v3(1.0f, 4.5f, 5.0f), v3(0, 0.3f, 0), v3(0, 1, 0), 0.75f), width, height, spp);
+    g.v.settings.env_samples = g.v.settings.light_samples = 0;
+    return g;
+}
+
+typedef struct outcome {
+    frame exact, grid;
+    double share, mispredicted; /* of what was asked */
+} outcome;
+
+static outcome run(stage *g, const char *mode)
+{
+    settings *f = &g->v.settings;
+    outcome o;
+    message err = {{0}};
+    truth known = {0};
+    f->lattice = true;
+    f->visibility = VISIBILITY_EXACT;
+    if (!grid_parse(mode, f, &err) || !frame_render(&g->v, "test", true, &known, NULL, &o.exact, &err))
+        fail_msg("%s", err.text);
+    f->visibility = VISIBILITY_GRID;
+    if (!frame_render(&g->v, "test", true, NULL, &known, &o.grid, &err))
+        fail_msg("%s", err.text);
+    assert_sane(&o.exact);
+    assert_sane(&o.grid);
+    assert_int_equal(o.grid.rays.asked, o.exact.rays.asked);
+    o.share = (double)o.grid.rays.traced / (double)o.grid.rays.asked;
+    o.mispredicted = (double)o.grid.mispredicted / (double)o.grid.rays.asked;
+    truth_free(&known);
+    return o;
+}
+
+static void outcome_free(outcome *o)
+{
+    frame_free(&o->exact);
+    frame_free(&o->grid);
+}
+
+/* -------------------------------------------------------------------------------------------------- TRUE and exact */
+
+static void true_is_exact(void **state)
+{
+    (void)state;
+    const struct {
+        uint32_t width, height;
+        int spp;
+        const char *mode;
+    } cases[] = {{97, 65, 1, "TRUE"}, {70, 41, 4, "TRUE,block=0"}, {33, 33, 16, "TRUE,block=64"}, {1, 1, 1, "TRUE"}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        stage g = ring_stage(cases[i].width, cases[i].height, cases[i].spp, 70);
+        outcome o = run(&g, cases[i].mode);
+        assert_true(same_images(&o.exact.image, &o.grid.image));
+        assert_int_equal(o.grid.rays.traced, o.exact.rays.traced);
+        assert_int_equal(o.grid.mispredicted, 0);
+        outcome_free(&o);
+        stage_free(&g);
+    }
+}
+
+/* All kinds of lights and materials: what is not the grid's is traced. The first directional light is not the scene's
+ * first light. */
+static void other_lights(void **state)
+{
+    (void)state;
+    for (int spp = 1; spp <= 4; spp += 3) {
+        stage g = mixed_stage(64, 48, spp);
+        rng r = rng_make(6, 0);
+        for (int i = 0; i < 20; i++) {
+            vec3 d = random_direction(&r);
+            scene_add_light(g.s, (light){.kind = i == 9 ? LIGHT_POINT : LIGHT_DIRECTIONAL,
+                                         .direction = d,
+                                         .position = v3(1, 2, 1),
+                                         .intensity = v3(0.2f, 0.2f, i == 3 ? 0 : 0.2f)});
+        }
+        outcome o = run(&g, "TRUE");
+        assert_true(same_images(&o.exact.image, &o.grid.image));
+        assert_int_equal(o.grid.mispredicted, 0);
+        outcome_free(&o);
+        o = run(&g, "OPT,spacing=8");
+        assert_true(o.grid.rays.traced < o.exact.rays.traced);
+        assert_true(o.mispredicted < 1e-3);
+        outcome_free(&o);
+        stage_free(&g);
+    }
+}
+
+/* Nothing for the grid to decide. */
+static void no_directional_lights(void **state)
+{
+    (void)state;
+    stage g = mixed_stage(32, 32, 1);
+    outcome o = run(&g, "OPT");
+    assert_int_equal(lights_of(&o.grid)->served, VISIBILITY_EXACT);
+    assert_true(same_images(&o.exact.image, &o.grid.image));
+    outcome_free(&o);
+    stage_free(&g);
+}
+
+/* ------------------------------------------------------------------------------------------------------ the methods */
+
+/* Pixels in a row of which the lit radiance is wrong, at most: how far what was missed spreads along a scan line. */
+static uint32_t longest_run(const outcome *o)
+{
+    uint32_t longest = 0, run = 0;
+    const image *a = &o->exact.lit, *b = &o->grid.lit;
+    for (uint32_t i = 0; i < a->width * a->height; i++) {
+        bool wrong = memcmp(&a->pixels[i], &b->pixels[i], sizeof(rgb)) != 0;
+        run = wrong && i % a->width != 0 ? run + 1 : wrong;
+        longest = run > longest ? run : longest;
+    }
+    return longest;
+}
+
+/* What the paper says of them (Fig. 7, Table 1): in scanline order shadows that come out of nothing are missed, and
+ * what was missed spreads, as staircases and filled holes; of the others none does so. */
+static void methods(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"SNB", "SNU", "SWU", "SWB", "GWB", "GNB", "GWU", "GNU", "FLO", "RES", "OPT"};
+    enum { SNB, SNU, SWU, SWB, GWB, GNB, GWU, GNU, FLO, RES, OPT, METHODS };
+    double share[METHODS], wrong[METHODS];
+    uint32_t runs[METHODS];
+    stage g = ring_stage(161, 129, 1, 60);
+    for (int m = 0; m < METHODS; m++) {
+        char mode[16];
+        snprintf(mode, sizeof mode, "%s,block=0", names[m]);
+        outcome o = run(&g, mode);
+        share[m] = o.share;
+        wrong[m] = o.mispredicted;
+        runs[m] = longest_run(&o);
+        print_message("%s: %5.2f %% traced, %.4f %% wrong, %u in a row\n", names[m], 100 * share[m], 100 * wrong[m],
+                      runs[m]);
+        outcome_free(&o);
+    }
+    assert_true(wrong[SNB] > 5.0 * wrong[GNU] && wrong[SNU] > 5.0 * wrong[GNU]);
+    for (int m = GWB; m < METHODS; m++)
+        assert_true(wrong[m] < 0.001);
+    assert_true(wrong[GNU] <= wrong[OPT] && wrong[SNB] > 3.0 * wrong[OPT] && wrong[SNU] > 3.0 * wrong[OPT]);
+    assert_true(runs[SNB] > 20 && runs[SNU] > 20 && runs[GNU] < 12);
+    assert_true(share[OPT] < share[RES] && share[OPT] < share[FLO]);
+    assert_true(share[RES] < share[GNU] && share[FLO] < share[GNU] && share[GNU] < share[GNB]);
+    assert_true(share[GWU] < share[GWB]);
+    stage_free(&g);
+}
+
+/* --------------------------------------------------------------------------------------------------------- threads */
+
+static void threads_change_nothing(void **state)
+{
+    (void)state;
+    const char *const modes[] = {"OPT,block=32", "GWU,block=64", "OPT,block=0"};
+    for (size_t m = 0; m < sizeof modes / sizeof *modes; m++) {
+        stage g = ring_stage(150, 100, 1, 66);
+        outcome one = run(&g, modes[m]);
+        for (int threads = 2; threads <= 7; threads += threads == 3 ? 4 : 1) {
+            g.v.settings.threads = threads;
+            outcome more = run(&g, modes[m]);
+            assert_true(same_images(&one.grid.image, &more.grid.image));
+            assert_int_equal(one.grid.rays.traced, more.grid.rays.traced);
+            assert_int_equal(one.grid.mispredicted, more.grid.mispredicted);
+            outcome_free(&more);
+        }
+        outcome_free(&one);
+        stage_free(&g);
+    }
+}
+
+/* Blocks of any size give a picture that is as good. */
+static void blocks(void **state)
+{
+    (void)state;
+    stage g = ring_stage(161, 97, 4, 60);
+    double whole = 0.0;
+    const char *const modes[] = {"OPT,block=0", "OPT,block=256", "OPT,block=128", "OPT,block=64", "OPT,block=1"};
+    for (size_t m = 0; m < sizeof modes / sizeof *modes; m++) {
+        outcome o = run(&g, modes[m]);
+        whole = m == 0 ? o.share : whole;
+        print_message("%s: %g %g\n", modes[m], o.share, o.mispredicted);
+        assert_true(o.share >= whole && o.share < 1.3 * whole && o.mispredicted < 1e-3);
+        outcome_free(&o);
+    }
+    stage_free(&g);
+}
+
+static void words(void **state)
+{
+    (void)state;
+    settings f = {0};
+    message err = {{0}};
+    assert_true(grid_parse("GNU,block=64,spacing=8", &f, &err) && f.grid_block == 64 && f.grid.spacing == 8);
+    assert_true(grid_parse("GNU,spacing=8,block=0", &f, &err) && f.grid_block == 0 && f.grid.finest);
+    assert_true(grid_parse(NULL, &f, &err) && f.grid.restricted);
+    const char *const bad[] = {"",
+                               "GNX",
+                               "OPT,block=",
+                               "OPT,block=x",
+                               "OPT,block=-1",
+                               "OPT,block=99999999",
+                               "OPT,blocks=2",
+                               "OPT,block=64x",
+                               "block=64"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        err.text[0] = 0;
+        if (grid_parse(bad[i], &f, &err) || !err.text[0])
+            fail_msg("\"%s\" was taken", bad[i]);
+    }
+    assert_true(grid_samples_fit(1) && grid_samples_fit(16) && grid_samples_fit(64));
+    assert_false(grid_samples_fit(2) || grid_samples_fit(15) || grid_samples_fit(81));
+}
+
+int main(int argc, char *argv[])
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(true_is_exact),
+        cmocka_unit_test(other_lights),
+        cmocka_unit_test(no_directional_lights),
+        cmocka_unit_test(methods),
+        cmocka_unit_test(threads_change_nothing),
+        cmocka_unit_test(blocks),
+        cmocka_unit_test(words),
+    };
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
