@@ -176,9 +176,10 @@ static void hear(adaptive *o, chunk *c)
         uint32_t n = o->given[e], bit;
         if (n == 0)
             continue;
-        for (uint32_t k = 0; k < n; k++)
-            o->answers[k] =
-                *row_word(&o->lights, c, e, tests[k], true, &bit) >> bit & 1u ? VCACHE_VISIBLE : VCACHE_BLOCKED;
+        for (uint32_t k = 0; k < n; k++) {
+            const uint64_t *word = row_word(&o->lights, c, e, tests[k], true, &bit);
+            o->answers[k] = *word >> bit & 1u ? VCACHE_VISIBLE : VCACHE_BLOCKED;
+        }
         for (uint32_t k = 0; k < n; k++)
             *row_word(&o->lights, c, e, tests[k], true, &bit) = *row_word(&o->lights, c, e, tests[k], false, &bit) = 0;
         vcache_adaptive_tell(o->workers[e], o->answers);
