@@ -237,8 +237,7 @@ rgb shade_response(const vpl_set *vpls, const eye_sample *e, uint32_t i);
 /* direct.c */
 uint32_t direct_sample_count(const view *v);
 light_sample direct_punctual(const eye_sample *e, const light *l);
-/* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. `skip` (NULL: none): bits of
- * lights to leave alone. */
+/* The same of all punctual lights; `asked` (NULL: not wanted) gets a bit for each above 0. */
 void direct_punctuals(const view *v, const eye_sample *e, light_sample *out, uint64_t *asked);
 /* For the eye samples of a chunk that reflect: samples of emitters (density per area, normal) and of the environment
  * (density per steradian), with their asked bits, and one direction each drawn by the material and traced; all weighted
@@ -365,7 +364,8 @@ typedef struct truth {
 typedef struct frame_lights {
     uint32_t vpls, punctual, samples;
     visibility_mode served; /* exact where the chosen mode stepped aside for the whole frame */
-    double visibility_s;    /* of shade_s: deciding visibility, rays included; not an estimator's */
+    double visibility_s;    /* of shade_s: deciding visibility, rays included; where that is apart from
+                               shading: not of estimates and adaptive testing */
     grid_figures grid;
 } frame_lights;
 
