@@ -22,7 +22,7 @@ import tempfile
 
 sys.dont_write_bytecode = True
 from adaptive_plot import plot
-from scenes import ROOT, Failure, Parser, public, run, table
+from scenes import ROOT, Failure, Parser, public, run, run_main, table
 
 TOLERANCES = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5]
 CERTAINTIES = [0, 0.25, 0.5, 0.75, 1]
@@ -193,12 +193,7 @@ def main():
     a = parser.parse()
     if a.quick:
         a.size, a.runs = "32x18", 1
-    chosen = [c for c in cases() if a.filter.search("/".join(c))]
-    if not chosen:
-        parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
-    if a.list:
-        print("\n".join("/".join(c) for c in chosen))
-        return
+    chosen = parser.choose(a, cases())
     parser.check_whitted(a)
     if a.plots:
         os.makedirs(a.plots, exist_ok=True)
@@ -224,9 +219,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except KeyboardInterrupt:
-        sys.exit("adaptive.py: interrupted")
-    except OSError as e:
-        sys.exit(f"adaptive.py: {e}")
+    run_main(main)

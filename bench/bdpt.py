@@ -22,7 +22,7 @@ import sys
 import tempfile
 
 sys.dont_write_bytecode = True
-from scenes import ROOT, Failure, Parser, missing_file, public, run, scene_words, table
+from scenes import ROOT, Failure, Parser, missing_file, public, run, run_main, scene_words, table
 
 SCENES = ["cornell", "kitchen", "living-room", "conference", "san-miguel"]
 MODES = ["cache", "estimate"]
@@ -208,12 +208,7 @@ def main():
     a = parser.parse()
     if a.quick:
         a.size, a.spp, a.runs, a.reference_spp = "48x32", 2, 1, 32
-    chosen = [c for c in cases() if a.filter.search("/".join(c))]
-    if not chosen:
-        parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
-    if a.list:
-        print("\n".join("/".join(c) for c in chosen))
-        return
+    chosen = parser.choose(a, cases())
     if not os.access(a.bdpt, os.X_OK):
         parser.error(f"{a.bdpt}: not there; meson setup build && ninja -C build")
     os.makedirs(a.references, exist_ok=True)
@@ -246,9 +241,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except KeyboardInterrupt:
-        sys.exit("bdpt.py: interrupted")
-    except OSError as e:
-        sys.exit(f"bdpt.py: {e}")
+    run_main(main)

@@ -32,7 +32,7 @@ import tempfile
 
 sys.dont_write_bytecode = True
 from convergence_plot import plot
-from scenes import ROOT, Failure, Parser, missing_file, public, run, scene_words, table
+from scenes import ROOT, Failure, Parser, missing_file, public, run, run_main, scene_words, table
 
 SCENES = ["kitchen", "conference", "living-room", "san-miguel", "cornell"]
 DOUBLING = [1, 2, 4, 8, 16, 32, 64, 128, 256]
@@ -381,9 +381,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except KeyboardInterrupt:
-        sys.exit("convergence.py: interrupted")
-    except OSError as e:
-        sys.exit(f"convergence.py: {e}")
+    run_main(main)

@@ -19,7 +19,7 @@ import re
 import sys
 
 sys.dont_write_bytecode = True
-from scenes import BUILTIN, Failure, Parser, missing_file, public, run, scene_words, table
+from scenes import BUILTIN, Failure, Parser, missing_file, public, run, run_main, scene_words, table
 
 REAL = ["kitchen", "conference", "breakfast", "living-room"]
 BY_TRIANGLES = ["dominoes", "shapes", "lost-empire", "conference", "breakfast", "kitchen", "san-miguel"]
@@ -259,7 +259,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except KeyboardInterrupt:
-        sys.exit("frames.py: interrupted")
+    run_main(main)

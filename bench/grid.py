@@ -23,7 +23,7 @@ import sys
 import tempfile
 
 sys.dont_write_bytecode = True
-from scenes import BUILTIN, ROOT, Failure, Parser, public, run, scene_words, table
+from scenes import BUILTIN, ROOT, Failure, Parser, public, run, run_main, scene_words, table
 
 SCENES = ["shapes", "bunny", "plant", "dominoes"]
 MAPS = {"clusters": "grace-small", "sun": "kloppenheim_05_1k", "uniform": "leadenhall_market_1k"}
@@ -297,12 +297,7 @@ def main():
     a.lights, a.frames = (24, 2) if a.quick else (200, FRAMES)
     if a.quick:
         a.size, a.runs = "49x49", 1
-    chosen = [c for c in cases() if a.filter.search("/".join(c))]
-    if not chosen:
-        parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
-    if a.list:
-        print("\n".join("/".join(c) for c in chosen))
-        return
+    chosen = parser.choose(a, cases())
     parser.check_whitted(a)
     kinds = {"rays": rays, "times": times, "bound": bound, "side": side, "turn": turn}
     failed = done = 0
@@ -328,9 +323,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except KeyboardInterrupt:
-        sys.exit("grid.py: interrupted")
-    except OSError as e:
-        sys.exit(f"grid.py: {e}")
+    run_main(main)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What frames.py and convergence.py share: where scenes lie and what they need, how whitted is run, how tables look."""
+"""What the benchmarks share: where scenes lie and what they need, how programs are run and cases chosen, how tables look."""
 import argparse
 import json
 import os
@@ -55,7 +55,7 @@ def table(columns, rows):
 
 
 class Parser(argparse.ArgumentParser):
-    """With the options of both."""
+    """With the options of all."""
 
     def __init__(self, text):
         super().__init__(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -78,6 +78,16 @@ class Parser(argparse.ArgumentParser):
         a.scenes = os.path.normpath(a.scenes)
         return a
 
+    def choose(self, a, cases):
+        """Of the cases, tuples of words, those that --filter takes; --list prints them and ends."""
+        chosen = [c for c in cases if a.filter.search("/".join(c))]
+        if not chosen:
+            self.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
+        if a.list:
+            print("\n".join("/".join(c) for c in chosen))
+            sys.exit()
+        return chosen
+
     def check_whitted(self, a):
         if not os.access(a.whitted, os.X_OK):
             self.error(f"{a.whitted}: not there; meson setup build && ninja -C build")
@@ -87,3 +97,14 @@ class Parser(argparse.ArgumentParser):
             return open(a.csv or os.devnull, "w", newline="")
         except OSError as e:
             self.error(f"{a.csv}: {e.strerror}")
+
+
+def run_main(main):
+    """Ends in one line where it cannot go on."""
+    name = os.path.basename(sys.argv[0])
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit(f"{name}: interrupted")
+    except OSError as e:
+        sys.exit(f"{name}: {e}")
