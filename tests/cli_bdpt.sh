@@ -100,7 +100,8 @@ finish "exact images do not depend on threads"
 if ! env --default-signal=INT true 2>/dev/null; then
     skip "interrupts" "this env cannot reset signals"
 else
-    start cornell --size 320x180 --spp 100000 --visibility exact -o out/x.exr --json out/x.json
+    # small: many passes are done by then, however slow the machine is
+    start cornell --size 48x27 --spp 100000 --visibility exact -o out/x.exr --json out/x.json
     kill -INT "$child"
     reap
     [[ $rc -eq 130 && $said == "notice: interrupted: "* ]] || problem "exit $rc instead of 130 ($said)"
@@ -109,7 +110,7 @@ else
     read_json out/x.json
     figure_is complete false
     passes=${figure[mode_run.passes]}
-    good cornell --size 320x180 --spp $((passes + 1)) --visibility exact --resume out/x.exr --json out/y.json --quiet
+    good cornell --size 48x27 --spp $((passes + 1)) --visibility exact --resume out/x.exr --json out/y.json --quiet
     read_json out/y.json
     figure_is mode_run.passes $((passes + 1))
     finish "SIGINT keeps the passes that are done, and they are gone on from"

@@ -180,9 +180,9 @@ int main(int argc, char *argv[])
     emitters *e = NULL;
     light_sources *l = NULL;
     image reference;
-    bool ok = program_begin(&a.common, bdpt_frame_bytes(&v->settings), &reference, &err) && program_load_scene(&a.common, &s, &err) &&
-              scene_finish(s, &err) && program_choose_camera(&a.common, s, &b.camera, &err) &&
-              tracer_create(s, a.common.threads, &t, &err);
+    bool ok = program_begin(&a.common, bdpt_frame_bytes(&v->settings), &reference, &err) &&
+              program_load_scene(&a.common, &s, &err) && scene_finish(s, &err) &&
+              program_choose_camera(&a.common, s, &b.camera, &err) && tracer_create(s, a.common.threads, &t, &err);
     if (ok) {
         e = emitters_new(s);
         l = light_sources_new(s, e, true);
