@@ -64,7 +64,7 @@ HALTON_API halton_status halton_segments(uint32_t pixels, double ce, uint32_t *s
  *   starts, segments  as above
  * On an error nothing is written. */
 HALTON_API halton_status halton_order(uint32_t width, uint32_t height, double ce, uint32_t *order, uint32_t *starts,
-                           uint32_t *segments);
+                                      uint32_t *segments);
 
 /* A part of an image. */
 typedef struct halton_tile {
@@ -77,8 +77,8 @@ typedef struct halton_tile {
  * at most four sizes. image_width, image_height  the image that holds the tile entirely local  tile.width * tile.height
  * entries from halton_order order  as many entries: pixels of the image. May be `local` itself, but not overlap it
  * otherwise. On an error nothing is written. */
-HALTON_API halton_status halton_tile_order(uint32_t image_width, uint32_t image_height, halton_tile tile, const uint32_t *local,
-                                uint32_t *order);
+HALTON_API halton_status halton_tile_order(uint32_t image_width, uint32_t image_height, halton_tile tile,
+                                           const uint32_t *local, uint32_t *order);
 
 /* Morton code: bit k of x goes to bit 2k, bit k of y to bit 2k + 1. */
 HALTON_API uint64_t halton_morton(uint32_t x, uint32_t y);

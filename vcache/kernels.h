@@ -7,7 +7,7 @@
 #define VCACHE_KERNELS_H
 
 /* NaN and infinity mean something here, and keys, bits and sums are the same on every machine. */
-#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) ||                          \
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) ||                         \
     (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "vcache needs IEEE arithmetic: compile without -ffast-math, -Ofast and their parts"
 #endif

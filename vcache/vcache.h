@@ -331,23 +331,24 @@ VCACHE_API bool vcache_visible(vcache_worker *worker, const vcache_eye *eye, con
 
 /* ------------------------------------------------------------------------------------------------- what has moved */
 
-/* From frame to frame a cache may keep what it knows, as long as nothing moves but the camera. Else vcache_clear forgets
- * all of it; or only what may have changed is asked anew. What is stored cannot be listed (it is hashes), but it can be
- * asked for under another salt: with one box around all places where moving objects have been since the last clear,
+/* From frame to frame a cache may keep what it knows, as long as nothing moves but the camera. Else vcache_clear
+ * forgets all of it; or only what may have changed is asked anew. What is stored cannot be listed (it is hashes), but
+ * it can be asked for under another salt: with one box around all places where moving objects have been since the last
+ * clear,
  * - prepare each eye end twice, with salt 0 and with one that is new in each frame that moves something;
  * - ask for the lights that cross the box with the second end, for all others with the first, which is what they were
  *   asked with before. No answer from before the move is given then, but for the 2^-31 of foreign words.
  * Pays where most segments miss the box.
  *
  * Bit i of `crossing` (bit i % 64 of word i / 64) tells whether any segment between the cells of `eye` and of lights[i]
- * may meet the box: of all points that may answer for these two. Set as well where an end cannot be quantized, for cells
- * of directions (they are cones), and where the box holds NaN. Some 20 ns a light. Eq. 6 has no such call. */
+ * may meet the box: of all points that may answer for these two. Set as well where an end cannot be quantized, for
+ * cells of directions (they are cones), and where the box holds NaN. Some 20 ns a light. Eq. 6 has no such call. */
 VCACHE_API void vcache_crossing(const vcache *cache, const vcache_eye *eye, const vcache_light *lights, uint32_t count,
                                 const float box_min[3], const float box_max[3], uint64_t *crossing);
 
-/* Light `index` < count of the set becomes another end: what was known of it is forgotten, in all rows, once per row; all
- * else stays. No other thread may use the set meanwhile. (In the table of vcache_add a light that is prepared elsewhere
- * has another key, and nothing need be done.) */
+/* Light `index` < count of the set becomes another end: what was known of it is forgotten, in all rows, once per row;
+ * all else stays. No other thread may use the set meanwhile. (In the table of vcache_add a light that is prepared
+ * elsewhere has another key, and nothing need be done.) */
 VCACHE_API void vcache_light_set_replace(vcache_light_set *set, uint32_t index, const vcache_light *light);
 
 /* ----------------------------------------------------------------------------------------------------- estimating */

@@ -91,8 +91,8 @@ void build_cornell(scene *s);
 void build_shapes(scene *s);
 void build_dominoes(scene *s);
 void build_plant(scene *s);
-/* conference-lights[-N][-floating|-diffuse]: N lights with a cut-off, 24 without N, furniture that floats off the floor;
- * -diffuse: the same with cosine emitters, 192 without N. False for other names. */
+/* conference-lights[-N][-floating|-diffuse]: N lights with a cut-off, 24 without N, furniture that floats off the
+ * floor; -diffuse: the same with cosine emitters, 192 without N. False for other names. */
 bool build_conference(const char *name, scene **out);
 /* Furniture and plants of the atrium's court, whose floor lies at y = `floor`. */
 void build_atrium_garden(scene *s, float floor);

@@ -64,8 +64,7 @@ static void build_lights(const room *r, uint32_t count, bool diffuse)
         uint32_t n = end - first, across = (uint32_t)ceilf(sqrtf(2.0f * (float)n)),
                  down = across ? (n + across - 1) / across : 1;
         float cx = -5.0f + 2.0f * (float)(f % FIXTURES_X), cz = -3.0f + 2.0f * (float)(f / FIXTURES_X);
-        float power =
-            (diffuse ? 12.0f : 30.0f) * (float)FIXTURES / (float)(count < FIXTURES ? count : FIXTURES * n);
+        float power = (diffuse ? 12.0f : 30.0f) * (float)FIXTURES / (float)(count < FIXTURES ? count : FIXTURES * n);
         for (uint32_t i = 0; i < n; i++) {
             float u = ((float)(i % across) + 0.5f) / (float)across, w = ((float)(i / across) + 0.5f) / (float)down;
             light l = {.kind = LIGHT_SPOT,

@@ -7,7 +7,7 @@
 
 typedef struct image_error {
     double l_inf;   /* change of energy (Popov et al. 2013, Sect. 5): sum |a - b| / sum b over all channels */
-    double rel_mse; /* mean over pixels of mean over channels of (a - b)^2 / (b^2 + 0.01), top 0.1 % of pixels trimmed */
+    double rel_mse; /* mean over pixels and channels of (a - b)^2 / (b^2 + 0.01), top 0.1 % of pixels trimmed */
     double p999;    /* 99.9th percentile of |luminance difference| / mean luminance of the reference */
     double max;     /* the largest of the same */
     /* |luminance difference| / luminance of the reference, mean and largest over the pixels where that is not black */

@@ -60,8 +60,9 @@ typedef struct light {
     vec3 direction;             /* spot, directional: unit, the way the light travels */
     rgb intensity;              /* point, spot: W / sr; directional: irradiance W / m^2 on a facing surface */
     float cos_inner, cos_outer; /* spot: full inside the inner cone, none outside the outer */
-    uint32_t power; /* spot: of the ramp between the cones (spot_fall_off), at most LIGHT_POWER_MAX; 0: 2, as
-                       KHR_lights_punctual has it. With cones of 0 and 90 degrees a cosine-power emitter, diffuse at 1 */
+    /* Spot: of the ramp between the cones (spot_fall_off), at most LIGHT_POWER_MAX; 0: 2, as KHR_lights_punctual has
+     * it. With cones of 0 and 90 degrees a cosine-power emitter, diffuse at 1. */
+    uint32_t power;
 } light;
 
 typedef struct camera {
