@@ -58,9 +58,6 @@ static void bad_configs(void **state)
     EXPECT_BAD(hash, (vcache_hash)-1, "hash");
     EXPECT_BAD(allocator.allocate, NULL, "allocator");
     EXPECT_BAD(allocator.release, NULL, "allocator");
-    EXPECT_BAD(size, 0, "size");
-    EXPECT_BAD(size, sizeof(vcache_config) - 1, "size");
-    EXPECT_BAD(size, sizeof(vcache_config) + 8, "size");
     vcache_config zeroed;
     memset(&zeroed, 0, sizeof zeroed);
     expect_bad(&zeroed, "vcache_default_config");
@@ -122,8 +119,6 @@ static void bad_worker_configs(void **state)
         bad_worker(cache, &config, "capacity");
     }
     vcache_worker_config config = vcache_default_worker_config();
-    config.size--;
-    bad_worker(cache, &config, "size");
     memset(&config, 0, sizeof config);
     bad_worker(cache, &config, "vcache_default_worker_config");
     bad_worker(NULL, NULL, "cache");

@@ -9,6 +9,7 @@
 
 #include "internal.h"
 #include "ranking.h"
+#include "sized.h"
 
 #include <float.h>
 #include <stdatomic.h>
@@ -46,9 +47,9 @@ struct vcache_adaptive_worker {
 
 /* ------------------------------------------------------------------------------------------------------- creation */
 
-vcache_adaptive_config vcache_adaptive_default_config(void)
+void vcache_adaptive_fill_config(vcache_adaptive_config *out, size_t size)
 {
-    return (vcache_adaptive_config){
+    const vcache_adaptive_config f = {
         .size = sizeof(vcache_adaptive_config),
         .tolerance = 0.1f,
         .certainty = 0.5f,
@@ -56,14 +57,12 @@ vcache_adaptive_config vcache_adaptive_default_config(void)
         .prior_tests = 2.0f,
         .allocator = vcache_default_config().allocator,
     };
+    sized_fill(out, size, &f, sizeof f);
 }
 
 static vcache_status check(const vcache_adaptive_config *f, char *message)
 {
     const vcache_status bad = VCACHE_ERROR_ARGUMENT;
-    if (f->size != sizeof *f)
-        return vcache_complain(message, bad, "config.size is %zu, not %zu: start from vcache_adaptive_default_config()",
-                               f->size, sizeof *f);
     if (f->sources < 1 || f->sources > VCACHE_ADAPTIVE_MAX_SOURCES)
         return vcache_complain(message, bad, "sources is %u: it must be 1 ... %d", f->sources,
                                VCACHE_ADAPTIVE_MAX_SOURCES);
@@ -88,29 +87,33 @@ static void set_rate(vcache_adaptive *a, uint32_t source, uint64_t tests, uint64
     atomic_store_explicit(&a->rate[source], (float)(rate < 1.0 ? rate : 1.0), memory_order_relaxed);
 }
 
-vcache_status vcache_adaptive_create(const vcache_adaptive_config *config, vcache_adaptive **out, char *message)
+vcache_status vcache_adaptive_create(const vcache_adaptive_config *given, vcache_adaptive **out, char *message)
 {
     if (message)
         message[0] = 0;
     if (!out)
         return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "out is NULL");
     *out = NULL;
-    if (!config)
-        return vcache_complain(message, VCACHE_ERROR_ARGUMENT,
-                               "config is NULL: start from vcache_adaptive_default_config()");
-    vcache_status status = check(config, message);
+    vcache_adaptive_config config = vcache_adaptive_default_config();
+    const char *wrong = given
+                            ? sized_take(&config, sizeof config, SIZED_FIRST(vcache_adaptive_config, allocator), given)
+                            : "config is NULL";
+    if (wrong)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "%s: start from vcache_adaptive_default_config()",
+                               wrong);
+    vcache_status status = check(&config, message);
     if (status != VCACHE_OK)
         return status;
-    size_t n = config->sources, header = (sizeof(vcache_adaptive) + 63) / 64 * 64;
+    size_t n = config.sources, header = (sizeof(vcache_adaptive) + 63) / 64 * 64;
     size_t bytes = header + n * (2 * sizeof(uint64_t) + sizeof(float));
-    char *block = config->allocator.allocate(config->allocator.context, bytes);
+    char *block = config.allocator.allocate(config.allocator.context, bytes);
     if (!block)
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for the hit rates of %u sources",
-                               config->sources);
+                               config.sources);
     vcache_adaptive *a = (vcache_adaptive *)(void *)block;
-    a->config = *config;
+    a->config = config;
     a->bytes = bytes;
-    a->terms = (uint32_t)((double)n * (double)config->certainty + 0.5);
+    a->terms = (uint32_t)((double)n * (double)config.certainty + 0.5);
     if (a->terms < 1)
         a->terms = 1;
     a->tests = (_Atomic uint64_t *)(void *)(block + header);

@@ -61,7 +61,7 @@ extern "C" {
 
 /* What it is made from; start from vcache_adaptive_default_config. */
 typedef struct vcache_adaptive_config {
-    size_t size;       /* sizeof(vcache_adaptive_config), set by vcache_adaptive_default_config */
+    size_t size;       /* sizeof(vcache_adaptive_config) of the host's header, set with the defaults */
     uint32_t sources;  /* N, 1 ... VCACHE_ADAPTIVE_MAX_SOURCES; no default */
     float tolerance;   /* t, finite, >= 0, default 0.1; a share of what is visible. 0: every source is tested */
     float certainty;   /* c, 0 ... 1, default 0.5 */
@@ -76,8 +76,15 @@ typedef struct vcache_adaptive_config {
 /* Hit rates of the sources, for one render of one scene. Any number of threads may read it through their workers. */
 typedef struct vcache_adaptive vcache_adaptive;
 
-/* All fields set to their defaults: `sources` remains to be set. */
-VCACHE_API vcache_adaptive_config vcache_adaptive_default_config(void);
+/* All fields set to their defaults, as vcache_fill_config: `sources` remains to be set. */
+VCACHE_API void vcache_adaptive_fill_config(vcache_adaptive_config *out, size_t size);
+/* The same by value, compiled into the host. */
+static inline vcache_adaptive_config vcache_adaptive_default_config(void)
+{
+    vcache_adaptive_config config;
+    vcache_adaptive_fill_config(&config, sizeof config);
+    return config;
+}
 /* On failure *out is NULL and `message` (VCACHE_MESSAGE_BYTES bytes, or NULL) says which value is wrong. */
 VCACHE_API vcache_status vcache_adaptive_create(const vcache_adaptive_config *config, vcache_adaptive **out,
                                                 char *message);

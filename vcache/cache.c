@@ -6,6 +6,7 @@
 #endif
 
 #include "internal.h"
+#include "sized.h"
 
 #include <float.h>
 #include <math.h>
@@ -60,9 +61,9 @@ static void default_release(void *context, void *memory, size_t bytes)
     free(start);
 }
 
-vcache_config vcache_default_config(void)
+void vcache_fill_config(vcache_config *out, size_t size)
 {
-    return (vcache_config){
+    const vcache_config f = {
         .size = sizeof(vcache_config),
         .bounds_max = {1.0f, 1.0f, 1.0f},
         .normal_bins = 8,
@@ -74,14 +75,12 @@ vcache_config vcache_default_config(void)
         .isa = VCACHE_ISA_ALL,
         .allocator = {default_allocate, default_release, NULL},
     };
+    sized_fill(out, size, &f, sizeof f);
 }
 
 static vcache_status check(const vcache_config *f, char *message)
 {
     const vcache_status bad = VCACHE_ERROR_ARGUMENT;
-    if (f->size != sizeof *f)
-        return vcache_complain(message, bad, "config.size is %zu, not %zu: start from vcache_default_config()", f->size,
-                               sizeof *f);
     for (int i = 0; i < 3; i++)
         if (!isfinite(f->bounds_min[i]) || !isfinite(f->bounds_max[i]) || !(f->bounds_min[i] <= f->bounds_max[i]))
             return vcache_complain(message, bad, "bounds[%d] are [%g, %g]: they must be finite, min <= max", i,
@@ -157,35 +156,38 @@ static void measure(vcache *c)
     }
 }
 
-vcache_status vcache_create(const vcache_config *config, vcache **out, char *message)
+vcache_status vcache_create(const vcache_config *given, vcache **out, char *message)
 {
     if (message)
         message[0] = 0;
     if (!out)
         return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "out is NULL");
     *out = NULL;
-    if (!config)
-        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "config is NULL: start from vcache_default_config()");
-    vcache_status status = check(config, message);
+    vcache_config config = vcache_default_config();
+    const char *wrong =
+        given ? sized_take(&config, sizeof config, SIZED_FIRST(vcache_config, allocator), given) : "config is NULL";
+    if (wrong)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "%s: start from vcache_default_config()", wrong);
+    vcache_status status = check(&config, message);
     if (status != VCACHE_OK)
         return status;
 
-    const vcache_allocator *a = &config->allocator;
+    const vcache_allocator *a = &config.allocator;
     vcache *c = a->allocate(a->context, sizeof *c);
     if (!c)
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for the cache");
-    c->config = *config;
-    c->table.count = config->table_bytes / 4;
+    c->config = config;
+    c->table.count = config.table_bytes / 4;
     c->table.words = a->allocate(a->context, c->table.count * 4);
     if (!c->table.words) {
         a->release(a->context, c, sizeof *c);
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a table of %llu bytes",
-                               (unsigned long long)config->table_bytes);
+                               (unsigned long long)config.table_bytes);
     }
     atomic_init(&c->epoch, 0);
     atomic_init(&c->epoch_key, 0);
     measure(c);
-    c->kernels = kernels_choose(config->isa);
+    c->kernels = kernels_choose(config.isa);
     *out = c;
     return VCACHE_OK;
 }

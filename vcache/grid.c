@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Grid-coherence mode (grid.h): the methods by name, creation. */
 #include "grid_internal.h"
+#include "sized.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -59,7 +60,7 @@ static bool parse_option(const char *text, size_t length, vcache_grid_config *f)
 
 /* ------------------------------------------------------------------------------------------------------- creation */
 
-vcache_grid_config vcache_grid_default_config(void)
+void vcache_grid_fill_config(vcache_grid_config *out, size_t size)
 {
     vcache_grid_config f = {.size = sizeof f,
                             .pixels = 65 * 65,
@@ -68,15 +69,23 @@ vcache_grid_config vcache_grid_default_config(void)
                             .rays = 16384,
                             .allocator = vcache_default_config().allocator};
     set_mode(&f, "OPT");
-    return f;
+    sized_fill(out, size, &f, sizeof f);
+}
+
+/* The host's config over the defaults; false, with a message, for a size that is none. */
+static bool take(vcache_grid_config *f, const vcache_grid_config *given, char *message)
+{
+    *f = vcache_grid_default_config();
+    const char *wrong =
+        given ? sized_take(f, sizeof *f, SIZED_FIRST(vcache_grid_config, allocator), given) : "config is NULL";
+    if (wrong)
+        vcache_complain(message, VCACHE_ERROR_ARGUMENT, "%s: start from vcache_grid_default_config()", wrong);
+    return !wrong;
 }
 
 static vcache_status check(const vcache_grid_config *f, char *message)
 {
     const vcache_status bad = VCACHE_ERROR_ARGUMENT;
-    if (f->size != sizeof *f)
-        return vcache_complain(message, bad, "config.size is %zu, not %zu: start from vcache_grid_default_config()",
-                               f->size, sizeof *f);
     if (f->pixels < 1 || f->pixels > 1u << 24)
         return vcache_complain(message, bad, "pixels is %u: it must be 1 ... %u", f->pixels, 1u << 24);
     if ((uint32_t)f->order > VCACHE_GRID_GRID)
@@ -92,7 +101,9 @@ static vcache_status check(const vcache_grid_config *f, char *message)
 
 bool vcache_grid_parse_mode(const char *text, vcache_grid_config *config, char *message)
 {
-    vcache_grid_config f = *config;
+    vcache_grid_config f;
+    if (!take(&f, config, message))
+        return false;
     size_t length = strcspn(text, ",");
     const char *const *name = names;
     while (*name && (strlen(*name) != length || strncmp(*name, text, length) != 0))
@@ -116,7 +127,7 @@ bool vcache_grid_parse_mode(const char *text, vcache_grid_config *config, char *
     }
     if (check(&f, message) != VCACHE_OK)
         return false;
-    *config = f;
+    sized_fill(config, config->size, &f, sizeof f);
     return true;
 }
 
@@ -153,7 +164,7 @@ static size_t lay_out(vcache_grid *g, char *block)
     return at;
 }
 
-vcache_status vcache_grid_create(const vcache_grid_config *config, const vcache_grid_lights *lights, vcache_grid **out,
+vcache_status vcache_grid_create(const vcache_grid_config *given, const vcache_grid_lights *lights, vcache_grid **out,
                                  char *message)
 {
     if (message)
@@ -161,27 +172,30 @@ vcache_status vcache_grid_create(const vcache_grid_config *config, const vcache_
     if (!out)
         return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "out is NULL");
     *out = NULL;
-    if (!config || !lights)
-        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "%s is NULL", config ? "lights" : "config");
-    vcache_status status = check(config, message);
+    vcache_grid_config config;
+    if (!take(&config, given, message))
+        return VCACHE_ERROR_ARGUMENT;
+    if (!lights)
+        return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "lights is NULL");
+    vcache_status status = check(&config, message);
     if (status != VCACHE_OK)
         return status;
-    if (config->rays < lights->count)
+    if (config.rays < lights->count)
         return vcache_complain(message, VCACHE_ERROR_ARGUMENT, "rays is %u: it must be at least the lights, %u",
-                               config->rays, lights->count);
-    vcache_grid made = {.config = *config, .lights = lights, .words = lights->words};
+                               config.rays, lights->count);
+    vcache_grid made = {.config = config, .lights = lights, .words = lights->words};
     made.bytes = lay_out(&made, NULL);
-    const vcache_allocator *a = &config->allocator;
+    const vcache_allocator *a = &config.allocator;
     char *block = a->allocate(a->context, made.bytes);
     if (!block)
         return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a block of %u pixels and %u lights",
-                               config->pixels, lights->count);
+                               config.pixels, lights->count);
     lay_out(&made, block);
     vcache_grid *g = (vcache_grid *)(void *)block;
     *g = made;
     for (uint32_t i = 0; i < lights->count; i++)
         g->valid[i / 64] |= (uint64_t)1 << i % 64;
-    for (uint32_t i = 0; i < config->bright && i < lights->count; i++)
+    for (uint32_t i = 0; i < config.bright && i < lights->count; i++)
         g->bright[lights->ranked[i] / 64] |= (uint64_t)1 << lights->ranked[i] % 64;
     grid_walk_begin(&g->next, VCACHE_GRID_EYE, 2, 1, 1);
     g->next.done = true;

@@ -75,7 +75,7 @@ typedef enum vcache_grid_order {
 
 /* What it is made from; start from vcache_grid_default_config. */
 typedef struct vcache_grid_config {
-    size_t size;             /* sizeof(vcache_grid_config), set by vcache_grid_default_config */
+    size_t size;             /* sizeof(vcache_grid_config) of the host's header, set with the defaults */
     uint32_t pixels;         /* of the largest block, width x height; 1 ... 2^24, default 65 x 65 */
     vcache_grid_order order; /* default VCACHE_GRID_GRID */
     bool warping;            /* Sect. 4.1.3: blockers are points, seen anew from each pixel; default false */
@@ -92,8 +92,15 @@ typedef struct vcache_grid_config {
     vcache_allocator allocator; /* default: the C library's */
 } vcache_grid_config;
 
-/* OPT of the paper. */
-VCACHE_API vcache_grid_config vcache_grid_default_config(void);
+/* OPT of the paper, as vcache_fill_config. */
+VCACHE_API void vcache_grid_fill_config(vcache_grid_config *out, size_t size);
+/* The same by value, compiled into the host. */
+static inline vcache_grid_config vcache_grid_default_config(void)
+{
+    vcache_grid_config config;
+    vcache_grid_fill_config(&config, sizeof config);
+    return config;
+}
 
 /* Sets what a name of Sect. 5 and 6 stands for, and leaves the rest of *config alone:
  *   TRUE, EYE; SNB, SNU, SWB, SWU, GNB, GNU, GWB, GWU (scanline or grid, no warping or warping, boundary or uncertainty

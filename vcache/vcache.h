@@ -92,7 +92,7 @@ typedef struct vcache_allocator {
 
 /* What a cache is made from; start from vcache_default_config. */
 typedef struct vcache_config {
-    size_t size;                        /* sizeof(vcache_config), set by vcache_default_config */
+    size_t size;                        /* sizeof(vcache_config) of the host's header, set with the defaults */
     float bounds_min[3], bounds_max[3]; /* of everything that ends lie on; finite, min <= max. Default: a unit cube */
     int32_t normal_bins;        /* C_N, 1 ... 64, default 8: bins of the normal per axis (1: one orientation); an
                                     odd number serves: 8 stands for 9, in whose middle the axes lie */
@@ -109,8 +109,16 @@ typedef struct vcache_config {
 /* The table of answers and how ends are quantized. Any number of threads may use it. */
 typedef struct vcache vcache;
 
-/* All fields set to their defaults: the scene's bounds remain to be set. */
-VCACHE_API vcache_config vcache_default_config(void);
+/* All fields set to their defaults: the scene's bounds remain to be set. `size` is sizeof *out where the host was
+ * compiled, which is how structs can grow; hosts in C and C++ have it from the function below. */
+VCACHE_API void vcache_fill_config(vcache_config *out, size_t size);
+/* The same by value, compiled into the host. */
+static inline vcache_config vcache_default_config(void)
+{
+    vcache_config config;
+    vcache_fill_config(&config, sizeof config);
+    return config;
+}
 
 /* On failure *out is NULL and `message` (VCACHE_MESSAGE_BYTES bytes, or NULL) says which value is wrong. */
 VCACHE_API vcache_status vcache_create(const vcache_config *config, vcache **out, char *message);
@@ -249,7 +257,7 @@ typedef void (*vcache_report)(void *context, const vcache_misprediction *wrong);
 
 /* What a worker is made from; start from vcache_default_worker_config. */
 typedef struct vcache_worker_config {
-    size_t size;       /* sizeof(vcache_worker_config) */
+    size_t size;       /* sizeof(vcache_worker_config) of the host's header, set with the defaults */
     uint32_t capacity; /* 1 ... 2^24, default 4096: pairs that can wait for rays at a time; their
                           scratch (about 200 bytes a pair) should fit the second-level cache */
     bool exact;        /* every pair is a miss, nothing is looked up or stored: for comparison */
@@ -264,8 +272,15 @@ typedef struct vcache_worker_config {
 /* Pending batch, scratch and statistics of one thread. */
 typedef struct vcache_worker vcache_worker;
 
-/* All fields set to their defaults. */
-VCACHE_API vcache_worker_config vcache_default_worker_config(void);
+/* All fields set to their defaults, as vcache_fill_config. */
+VCACHE_API void vcache_fill_worker_config(vcache_worker_config *out, size_t size);
+/* The same by value, compiled into the host. */
+static inline vcache_worker_config vcache_default_worker_config(void)
+{
+    vcache_worker_config config;
+    vcache_fill_worker_config(&config, sizeof config);
+    return config;
+}
 /* `config` may be NULL for the defaults. The cache must outlive the worker. */
 VCACHE_API vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *config, vcache_worker **out,
                                               char *message);

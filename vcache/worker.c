@@ -4,13 +4,15 @@
  * nobody has asked for. The first such pair of a cell becomes a miss; the others wait for its answer and walk on from
  * there. So each cell costs one ray, whatever the order of tracing.
  */
+#include "sized.h"
 #include "worker.h"
 
 #include <string.h>
 
-vcache_worker_config vcache_default_worker_config(void)
+void vcache_fill_worker_config(vcache_worker_config *out, size_t size)
 {
-    return (vcache_worker_config){.size = sizeof(vcache_worker_config), .capacity = 4096, .exact = false};
+    const vcache_worker_config f = {.size = sizeof f, .capacity = 4096, .exact = false};
+    sized_fill(out, size, &f, sizeof f);
 }
 
 /* All of a worker in one block. */
@@ -24,25 +26,22 @@ static size_t reserve(size_t *offset, size_t count, size_t bytes)
 vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *config, vcache_worker **out,
                                    char *message)
 {
-    vcache_worker_config chosen = config ? *config : vcache_default_worker_config();
+    const vcache_status bad = VCACHE_ERROR_ARGUMENT;
+    vcache_worker_config chosen = vcache_default_worker_config();
     const char *wrong = NULL;
-    if (!out)
-        wrong = "out is NULL";
-    else if (!cache)
-        wrong = "cache is NULL";
-    else if (chosen.size != sizeof chosen)
-        wrong = "worker config.size is wrong: start from vcache_default_worker_config()";
-    else if (chosen.capacity < 1 || chosen.capacity > 1u << 24)
-        wrong = "worker capacity must be 1 ... 2^24";
-    if (out)
-        *out = NULL;
     if (message)
         message[0] = 0;
-    if (wrong) {
-        if (message)
-            strncat(message, wrong, VCACHE_MESSAGE_BYTES - 1);
-        return VCACHE_ERROR_ARGUMENT;
-    }
+    if (!out)
+        return vcache_complain(message, bad, "out is NULL");
+    *out = NULL;
+    if (!cache)
+        return vcache_complain(message, bad, "cache is NULL");
+    if (config)
+        wrong = sized_take(&chosen, sizeof chosen, SIZED_FIRST(vcache_worker_config, report_context), config);
+    if (wrong)
+        return vcache_complain(message, bad, "worker %s: start from vcache_default_worker_config()", wrong);
+    if (chosen.capacity < 1 || chosen.capacity > 1u << 24)
+        return vcache_complain(message, bad, "worker capacity must be 1 ... 2^24");
     size_t claims = 2;
     while (claims < 2 * (size_t)chosen.capacity)
         claims *= 2;
@@ -53,11 +52,8 @@ vcache_status vcache_worker_create(vcache *cache, const vcache_worker_config *co
     size_t claim_at = reserve(&bytes, claims, sizeof(claim));
     const vcache_allocator *a = &cache->config.allocator;
     char *block = a->allocate(a->context, bytes);
-    if (!block) {
-        if (message)
-            strncat(message, "no memory for a worker", VCACHE_MESSAGE_BYTES - 1);
-        return VCACHE_ERROR_MEMORY;
-    }
+    if (!block)
+        return vcache_complain(message, VCACHE_ERROR_MEMORY, "no memory for a worker");
     vcache_worker *w = (vcache_worker *)(void *)block;
     w->cache = cache;
     w->config = chosen;
