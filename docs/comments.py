@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """comments.py HEADER: a header's plain comments as Doxygen wants them. Declarations in a row share the comment in front of
-the first."""
+the first, fields declared together the comment behind them."""
 import re
 import sys
 
@@ -25,6 +25,16 @@ for number, line in enumerate(lines):
         if starts and shared and not begun:
             out += comment
         begun = (starts or begun) and not line.endswith(";") and not line.startswith("#")
+        fields = re.fullmatch(r"( +)(\S.*?) (\*?\w+(?:\[\d+\])*(?:, \*?\w+(?:\[\d+\])*)+); */\* (.*)", line)
+        if fields:
+            indent, kind, names, text = fields.groups()
+            for later in lines[number + 1:]:
+                if "*/" in text:
+                    break
+                text += " " + later.strip()
+            *names, last = names.split(", ")
+            out += ["%s%s %s; /**< %s" % (indent, kind, name, text) for name in names]
+            line = "%s%s %s; /* %s" % (indent, kind, last, fields.group(4))
         line = re.sub(r"(\S) */\* ", r"\1 /**< ", line)
         inside = "/**<" in line and "*/" not in line
         if inside:

@@ -74,9 +74,11 @@ typedef struct halton_tile {
 
 /* Moves a tile's own order to its place in the image. The order of one tile size is computed once, by
  * halton_order(tile.width, tile.height, ...), and serves every tile of that size with the same segments; an image has
- * at most four sizes. image_width, image_height  the image that holds the tile entirely local  tile.width * tile.height
- * entries from halton_order order  as many entries: pixels of the image. May be `local` itself, but not overlap it
- * otherwise. On an error nothing is written. */
+ * at most four sizes.
+ *   image_width, image_height  the image that holds the tile entirely
+ *   local  tile.width * tile.height entries from halton_order
+ *   order  as many entries: pixels of the image. May be `local` itself, but not overlap it otherwise
+ * On an error nothing is written. */
 HALTON_API halton_status halton_tile_order(uint32_t image_width, uint32_t image_height, halton_tile tile,
                                            const uint32_t *local, uint32_t *order);
 

@@ -136,7 +136,7 @@ VCACHE_API uint64_t *vcache_grid_pixel(vcache_grid *grid, uint32_t x, uint32_t y
 /* A shadow ray that is to be traced. */
 typedef struct vcache_grid_ray {
     uint32_t pixel; /* y * width + x */
-    uint32_t light;
+    uint32_t light; /* of the lights */
 } vcache_grid_ray;
 
 /* The next rays to trace, *count of them, in order of lights and for one light in the order of neighbouring pixels; no
@@ -164,7 +164,7 @@ typedef struct vcache_grid_statistics {
     uint64_t uncertain;  /* where predictions were in doubt: disagreement, boundaries, horizons */
     uint64_t flooded;    /* for the sake of a neighbour that surprised */
     uint64_t surprises;  /* predictions that a ray refuted */
-    uint64_t batches;
+    uint64_t batches;    /* calls of vcache_grid_next that gave rays */
 } vcache_grid_statistics;
 
 /* Counts since it was created or reset. */

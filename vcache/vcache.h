@@ -77,11 +77,11 @@ typedef enum vcache_hash {
     VCACHE_HASH_LCG_XORSHIFT /* Sect. 4.1: one 64-bit LCG followed by xorshift over the words of the key */
 } vcache_hash;
 
-/* Returns zeroed memory aligned to 64 bytes, or NULL. Both functions or neither; called by create and destroy alone. */
+/* Where memory comes from. Both functions or neither; called by create and destroy alone. */
 typedef struct vcache_allocator {
-    void *(*allocate)(void *context, size_t bytes);
-    void (*release)(void *context, void *memory, size_t bytes);
-    void *context;
+    void *(*allocate)(void *context, size_t bytes);             /* zeroed, aligned to 64 bytes; or NULL */
+    void (*release)(void *context, void *memory, size_t bytes); /* what `allocate` gave, with the same size */
+    void *context;                                              /* handed to both */
 } vcache_allocator;
 
 /* Instruction sets, for vcache_config.isa. */
@@ -145,10 +145,10 @@ VCACHE_API double vcache_table_filled(const vcache *cache, uint64_t samples);
  * two orientations and never share a cell, but with C_N = 1); its length does not matter. `user` is the host's own
  * (primitive, instance, index ...) and is handed back with each miss. */
 typedef struct vcache_surface {
-    float position[3];
-    float normal[3];
+    float position[3]; /* in the bounds; far outside of them the end is answered exactly */
+    float normal[3];   /* of any length */
     float density; /* expected number of path vertices per unit area around here, > 0; infinity: the smallest cells */
-    uint64_t user;
+    uint64_t user; /* comes back with each miss */
 } vcache_surface;
 
 /* Where density comes from, for hosts that do not know it:
@@ -232,9 +232,9 @@ VCACHE_API uint64_t vcache_eye_cell(const vcache_eye *eye, int level);
 /* A ray to trace: from eye_position to light_position, or towards it without end where `infinite`. The points are those
  * that the host gave; offsetting them off their surfaces is the host's task (that is what the two `user` are for). */
 typedef struct vcache_miss {
-    uint64_t eye_user, light_user;
-    float eye_position[3], light_position[3];
-    bool infinite;
+    uint64_t eye_user, light_user;            /* what the two ends were prepared with */
+    float eye_position[3], light_position[3]; /* its ends; infinite: light_position is a direction, as it was given */
+    bool infinite;                            /* without end */
 } vcache_miss;
 
 /* What a ray found. ONCE: the answer holds for this pair alone (transparent shadow, alpha cut-out) and is not stored.
@@ -265,8 +265,8 @@ typedef struct vcache_worker_config {
      * differs `report` is called (NULL: counted alone) and statistics count it. Answers, what is stored and the other
      * statistics stay what they are without: the picture is the cache's, with its errors. With `exact`: no effect. */
     bool verify;
-    vcache_report report;
-    void *report_context;
+    vcache_report report; /* or NULL */
+    void *report_context; /* handed to it */
 } vcache_worker_config;
 
 /* Pending batch, scratch and statistics of one thread. */
@@ -307,7 +307,7 @@ VCACHE_API uint32_t vcache_add_set_refining(vcache_worker *worker, const vcache_
 /* The same for pairs [first, count) of vertices (Eq. 6, no refinement): bit i is of pairs[i]. The array itself is not
  * needed any longer afterwards. */
 typedef struct vcache_vertex_pair {
-    const vcache_vertex *eye, *light;
+    const vcache_vertex *eye, *light; /* its ends */
 } vcache_vertex_pair;
 VCACHE_API uint32_t vcache_add_vertices(vcache_worker *worker, const vcache_vertex_pair *pairs, uint32_t first,
                                         uint32_t count, uint64_t *visible);
@@ -404,15 +404,15 @@ typedef struct vcache_cells {
 
 /* What vcache_predict found out. */
 typedef struct vcache_prediction {
-    const float *mean; /* [lights] m_i, in (0, 1); valid until the next prediction of this predictor */
-    float expected;    /* sum f_i m_i */
-    float deviation;   /* sum f_i d_i, d_i the deviation of V_i: n rays leave an error of about deviation / sqrt(n) */
-    vcache_cells cells;
+    const float *mean;  /* [lights] m_i, in (0, 1); valid until the next prediction of this predictor */
+    float expected;     /* sum f_i m_i */
+    float deviation;    /* sum f_i d_i, d_i the deviation of V_i: n rays leave an error of about deviation / sqrt(n) */
+    vcache_cells cells; /* where vcache_learn puts what is found */
 } vcache_prediction;
 
 /* A light that was drawn. */
 typedef struct vcache_pick {
-    uint32_t light;
+    uint32_t light;  /* of the set */
     uint32_t sample; /* of those that share the prediction */
     uint32_t state;  /* of the light and its cells: for vcache_adapt */
     float weight;    /* 1 / p, at least 1 */
@@ -470,8 +470,8 @@ VCACHE_API void vcache_adapt(vcache_predictor *predictor, const vcache_pick *pic
  * mean number of rays, where n grows with error / value; of the squares of errors, where n grows with the error. In
  * between: error / (value + 0.4 its mean). Zero-initialised but for `rays`, one for each thread. */
 typedef struct vcache_budget {
-    float rays; /* mean number of rays per eye sample, > 0 */
-    double sum, values, count, scale;
+    float rays;                       /* mean number of rays per eye sample, > 0 */
+    double sum, values, count, scale; /* its own */
 } vcache_budget;
 /* Rays for `samples` eye samples together, of each of which `error` = deviation x weight and `value` = expected x
  * weight. Each gets between rays / 10 and 4 rays, and `rays` on average. (A light that outweighs all others together
