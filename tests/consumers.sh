@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # consumers.sh SOURCES BUILD VERSION: other people's projects, each from a fresh folder, in C and C++17, with gcc and
 # clang: installed (pkg-config, shared and static; CMake), as a Meson subproject, by CMake's add_subdirectory, copied
-# into a tree. Prints TAP.
+# into a tree; the commands of the guide and of the examples as they stand there. Prints TAP.
 set -u
 root=$1 build=$2 version=$3 n=0 bad=0
 dir=$(mktemp -d) || exit 1
@@ -37,20 +37,25 @@ say_version() { # PROGRAM...: each runs and prints the version
 have() { command -v "$1" >/dev/null; }
 
 # ------------------------------------------------------------------------------------------------------- installed
+log=$build/meson-logs/install-log.txt # of who installs from this folder
+[ -e "$log" ] && cp "$log" "$dir/install-log.txt"
 meson install -C "$build" --no-rebuild --quiet --destdir "$dir/installed" >"$dir/log" 2>&1
 report $? "meson install"
+[ -e "$dir/install-log.txt" ] && cp "$dir/install-log.txt" "$log" || rm -f "$log"
 pc=$(dirname "$(find "$dir/installed" -name vcache.pc)")
 libdir=$(dirname "$pc")
 prefix=${libdir%/lib*}
 missing=0
-wanted=(include/vcache/vcache.h include/vcache/adaptive.h include/halton/halton.h share/doc/vcache/README.md
-        share/doc/vcache/docs/cache.md share/doc/vcache/docs/pictures/atrium.jpg)
+wanted=(include/vcache/{vcache,adaptive,grid,save}.h include/halton/halton.h share/doc/vcache/README.md
+        share/doc/vcache/docs/cache.md share/doc/vcache/docs/pictures/atrium.jpg share/doc/vcache/examples/spheres.c)
 [ -e "$build/man/whitted.1" ] && wanted+=(share/man/man1/whitted.1 share/man/man1/bdpt.1)
 : >"$dir/log"
 for file in "${wanted[@]}"; do
     [ -e "$prefix/$file" ] || { echo "missing: $file" >>"$dir/log"; missing=1; }
 done
 report $missing "headers, documents, man pages"
+python3 "$root/tests/documents.py" "$prefix/share/doc/vcache" >"$dir/log" 2>&1
+report $? "links of the installed documents"
 
 shared=$libdir/libvcache.so static=$libdir/libvcache.a
 if [ -e "$shared" ]; then
@@ -109,5 +114,39 @@ for pair in "gcc g++" "clang clang++"; do
         $cxx -std=c++17 $flags -I. consumer.cpp *.o -lm -o cpp && say_version ./c ./cpp; } >"$dir/log" 2>&1
     report $? "copied, $cc"
 done
+unset PKG_CONFIG_SYSROOT_DIR LD_LIBRARY_PATH
+
+# ---------------------------------------------------------------------------------------------- as the documents say
+fresh clone
+tar -C "$root" --exclude='./build*' --exclude=./out --exclude=./.git -cf - . | tar xf -
+commands() { sed -n "/^    $1/s/^    //p" "$2"; } # the indented lines of a document that begin like this
+guide=$(commands 'meson setup' docs/guide.md; commands 'ninja -C build' docs/guide.md)
+{ [ "$(wc -l <<<"$guide")" -eq 2 ] && PKG_CONFIG_LIBDIR=/nowhere bash -ec "$guide" && build/examples/before; } >"$dir/log" 2>&1
+report $? "the guide's first commands, where nothing else is installed"
+one=$(commands 'cc ' examples/README.md)
+{ [ -n "$one" ] && bash -ec "$one" && [ "$(./spheres)" = "$(build/examples/spheres)" ]; } >"$dir/log" 2>&1
+report $? "an example by itself: $one"
+
+# ------------------------------------------------------------------------------------------------ static alone, away
+{ meson configure build -Ddefault_library=static --prefix="$dir/static" --libdir=lib && ninja -C build &&
+    meson install -C build --quiet; } >"$dir/log" 2>&1
+report $? "a static library alone, installed"
+export PKG_CONFIG_LIBDIR=$dir/static/lib/pkgconfig
+fresh static-package
+{ cc -std=c11 consumer.c -o c $(pkg-config --cflags --libs vcache halton) &&
+    c++ -std=c++17 consumer.cpp -o cpp $(pkg-config --cflags --libs vcache halton) && say_version ./c ./cpp; } >"$dir/log" 2>&1
+report $? "pkg-config, the static library alone"
+if have cmake; then
+    { cmake -B out -DCMAKE_PREFIX_PATH="$dir/static" -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF && cmake --build out &&
+        say_version out/consumer_c out/consumer_cpp; } >"$dir/log" 2>&1
+    report $? "CMake, find_package, the static library alone"
+    fresh folder
+    sources vcache
+    { cmake -B out -DFOLDER=ON -DBUILD_SHARED_LIBS=ON && cmake --build out -j 2 && ls out/vcache/libvcache.so."${version%.*}" &&
+        say_version out/consumer_c out/consumer_cpp; } >"$dir/log" 2>&1
+    report $? "CMake, add_subdirectory, shared"
+fi
+{ ninja -C "$dir/clone/build" uninstall && [ -z "$(find "$dir/static" ! -type d 2>/dev/null)" ]; } >"$dir/log" 2>&1
+report $? "uninstalled again"
 echo "1..$n"
 exit $bad

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """documents.py SOURCES BUILD: what the documents show is what is there. Prints TAP.
+documents.py INSTALLED: the links of installed documents alone; prints those that lead nowhere.
 - a fenced block whose language is followed by a file's path stands in that file, line by line (`...`: lines left out);
 - a block of `$ build/examples/NAME` and what it prints is printed by it, numbers within a tenth or two units of the last
   digit: other compilers round otherwise, threads race;
@@ -12,7 +13,8 @@ import re
 import subprocess
 import sys
 
-root, build = sys.argv[1:3]
+root = sys.argv[1]
+build = sys.argv[2] if len(sys.argv) > 2 else None
 documents = sorted(glob.glob(root + "/docs/*.md")) + [root + "/README.md", root + "/examples/README.md"]
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 outputs, shown, results = {}, set(), []
@@ -82,6 +84,17 @@ def excerpt(lines, path):
     return []
 
 
+def dead_links(path, line):
+    return ["no such file: " + link for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", line)
+            if "://" not in link and not os.path.exists(os.path.join(os.path.dirname(path), link))]
+
+
+if not build:
+    dead = ["%s: %s" % (path, problem) for path in documents
+            for problem in dead_links(path, open(path, encoding="utf-8").read())]
+    print("\n".join(dead))
+    sys.exit(bool(dead))
+
 for path in documents:
     name = os.path.relpath(path, root)
     problems, info, block = [], None, []
@@ -98,9 +111,7 @@ for path in documents:
         elif info is not None:
             block.append(line)
         else:
-            for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", line):
-                if "://" not in link and not os.path.exists(os.path.join(os.path.dirname(path), link)):
-                    problems.append("no such file: " + link)
+            problems += dead_links(path, line)
     report(problems, name)
 
 missing = []
