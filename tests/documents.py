@@ -6,6 +6,7 @@ documents.py INSTALLED: the links of installed documents alone; prints those tha
 - a block of `$ build/examples/NAME` and what it prints is printed by it, numbers within a tenth or two units of the last
   digit: other compilers round otherwise, threads race;
 - each example is shown with its figures somewhere;
+- files and programs named in code quotes exist, and so do the test cases in the last column of troubleshooting.md;
 - relative links lead to files."""
 import glob
 import os
@@ -113,6 +114,21 @@ for path in documents:
         else:
             problems += dead_links(path, line)
     report(problems, name)
+
+missing = []
+cases = "".join(open(path, encoding="utf-8").read() for path in glob.glob(root + "/tests/test_*.c"))
+for path in documents:
+    for line in open(path, encoding="utf-8").read().split("\n"):
+        for name in re.findall(r"`((?:build/|)(?:tests|examples|bench|vcache|docs|scripts)/[\w/.-]+)[` ]", line):
+            source = os.path.join(root, re.sub("^build/", "", name))
+            if "NAME" not in name and not any(os.path.exists(source + end) for end in ("", ".c", ".cpp")):
+                missing.append("%s: there is no %s" % (os.path.relpath(path, root), name))
+        if path.endswith("troubleshooting.md") and line.startswith("| ") and not line.startswith(("| what", "| ---")):
+            shown_by = re.findall(r"`(\w+)`", line.split(" | ")[-1])
+            missing += ["no test case " + name for name in shown_by if "static void %s(" % name not in cases]
+            if not line.split(" | ")[-1].strip(" |"):
+                missing.append("nothing shows " + line)
+report(missing, "files, programs and test cases that are named")
 
 missing = []
 for source in sorted(glob.glob(root + "/examples/*.c*")):
