@@ -73,8 +73,10 @@ int main(int argc, char *argv[])
     if (argc == 4) {
         FILE *f = fopen(argv[1], "wb");
         if (!f || fprintf(f, "P6\n%d %d\n255\n", WIDTH, HEIGHT) < 0 || fwrite(cells, 3, PIXELS, f) != PIXELS ||
-            fclose(f))
+            fclose(f)) {
+            perror(argv[1]);
             return 1;
+        }
         return write_ppm(argv[2], wrong) && write_ppm(argv[3], traced) ? 0 : 1;
     }
     return 0;

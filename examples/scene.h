@@ -131,15 +131,21 @@ static inline double image_error(const float *image, const float *exact, size_t 
 static inline bool write_ppm(const char *path, const float *grey)
 {
     FILE *f = fopen(path, "wb");
-    if (!f)
+    if (!f) {
+        perror(path);
         return false;
+    }
     fprintf(f, "P6\n%d %d\n255\n", WIDTH, HEIGHT);
     for (int i = 0; i < PIXELS; i++) {
         float g = grey[i] < 1.0f ? sqrtf(grey[i]) : 1.0f;
         for (int k = 0; k < 3; k++)
             fputc((int)(255.0f * g), f);
     }
-    return fclose(f) == 0;
+    bool fine = !ferror(f);
+    if (fclose(f) == 0 && fine)
+        return true;
+    perror(path);
+    return false;
 }
 
 #endif

@@ -80,56 +80,30 @@ typedef struct kind {
 static vcache *cache;
 static vcache_grid_lights *sky;
 
-static void fill_cache(void *out, size_t size)
-{
-    vcache_fill_config(out, size);
-}
-static vcache_status try_cache(const void *config, char *message)
-{
-    vcache *c;
-    vcache_status status = vcache_create(config, &c, message);
-    assert_true((status == VCACHE_OK) == (c != NULL));
-    vcache_destroy(&c);
-    return status;
-}
-static void fill_worker(void *out, size_t size)
-{
-    vcache_fill_worker_config(out, size);
-}
-static vcache_status try_worker(const void *config, char *message)
-{
-    vcache_worker *w;
-    vcache_status status = vcache_worker_create(cache, config, &w, message);
-    assert_true((status == VCACHE_OK) == (w != NULL));
-    vcache_worker_destroy(&w);
-    return status;
-}
-static void fill_adaptive(void *out, size_t size)
+#define KIND(name, type, fill, create)                                                                                 \
+    static void fill_##name(void *out, size_t size)                                                                    \
+    {                                                                                                                  \
+        fill(out, size);                                                                                               \
+    }                                                                                                                  \
+    static vcache_status try_##name(const void *config, char *message)                                                 \
+    {                                                                                                                  \
+        type *made;                                                                                                    \
+        vcache_status status = (create);                                                                               \
+        assert_true((status == VCACHE_OK) == (made != NULL));                                                          \
+        type##_destroy(&made);                                                                                         \
+        return status;                                                                                                 \
+    }
+
+static void fill_sources(vcache_adaptive_config *out, size_t size)
 {
     vcache_adaptive_fill_config(out, size);
-    if (size >= offsetof(vcache_adaptive_config, tolerance))
-        ((vcache_adaptive_config *)out)->sources = 3;
+    out->sources = 3; /* it has no default */
 }
-static vcache_status try_adaptive(const void *config, char *message)
-{
-    vcache_adaptive *a;
-    vcache_status status = vcache_adaptive_create(config, &a, message);
-    assert_true((status == VCACHE_OK) == (a != NULL));
-    vcache_adaptive_destroy(&a);
-    return status;
-}
-static void fill_grid(void *out, size_t size)
-{
-    vcache_grid_fill_config(out, size);
-}
-static vcache_status try_grid(const void *config, char *message)
-{
-    vcache_grid *g;
-    vcache_status status = vcache_grid_create(config, sky, &g, message);
-    assert_true((status == VCACHE_OK) == (g != NULL));
-    vcache_grid_destroy(&g);
-    return status;
-}
+
+KIND(cache, vcache, vcache_fill_config, vcache_create(config, &made, message))
+KIND(worker, vcache_worker, vcache_fill_worker_config, vcache_worker_create(cache, config, &made, message))
+KIND(adaptive, vcache_adaptive, fill_sources, vcache_adaptive_create(config, &made, message))
+KIND(grid, vcache_grid, vcache_grid_fill_config, vcache_grid_create(config, sky, &made, message))
 
 static const kind kinds[] = {
     {sizeof(vcache_config), "vcache_default_config", fill_cache, try_cache},
