@@ -9,7 +9,10 @@ rows.json all figures. Cases run one after another; OUT/rows.jsonl keeps a row o
 on where it was when it is started again, and what a changed program or command made is rendered anew.
 
 FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in scenes alone are rendered. Sections:
-  curves    speed against error of all methods, by scene (and the table at the top)
+  curves     speed against error of all methods, by scene (and the table at the top)
+  lights     speed and error over C_E by kind of light
+  converged  error against the converged image over time
+  pictures   where images are wrong, and how it looks; of the images of `curves`
 """
 import csv
 import json
@@ -19,21 +22,24 @@ import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from report import curves, headline, made
-from report.cases import FULL, LEVELS, all_cases, present
+from report import converged, curves, headline, lights, made, pictures
+from report.cases import all_cases, present
+from report.levels import LEVELS
 from report.methods import add_points
 from report.page import page
 from report.runner import Programs, Rows, run_all
 from scenes import ROOT, Failure, Parser, is_builtin, missing_file, run_main
 
-# anchor, module with TITLE and section(a, rows), the sections whose rows it needs
-SECTIONS = [("headline", headline, ["curves"]), ("curves", curves, ["curves"])]
+# Anchor; module with TITLE and section(a, rows), which gives HTML; whose rows it shows (labels["section"] of cases.py).
+SECTIONS = [("headline", headline, "curves"), ("curves", curves, "curves"), ("lights", lights, "lights"),
+            ("converged", converged, "converged"), ("pictures", pictures, "pictures")]
 
 
 def parse():
     parser = Parser(__doc__, csv=False)
     parser.prog = "report"
     parser.add_argument("--bdpt", default=os.path.join(ROOT, "build", "renderers", "bdpt", "bdpt"))
+    parser.add_argument("--zoom", default=os.path.join(ROOT, "build", "bench", "zoom"))
     parser.add_argument("--out", default=os.path.join(ROOT, "out", "report"), help="folder to write (default: out/report)")
     parser.add_argument("--only", metavar="SECTION", help="cases of one section alone")
     parser.add_argument("--threads", type=int, default=1, help="of each renderer, which run one at a time (default 1)")
@@ -41,12 +47,12 @@ def parse():
     a = parser.parse()
     if not 0 <= a.threads <= 1024:
         parser.error(f"--threads takes 0 ... 1024, not {a.threads}")
-    sections = sorted({s for _, _, needs in SECTIONS for s in needs})
+    sections = list(dict.fromkeys(s for _, _, s in SECTIONS))
     if a.only and a.only not in sections:
         parser.error(f"--only takes {', '.join(sections)}, not {a.only}")
     a.scenes, a.out = (os.path.abspath(f) for f in (a.scenes, a.out))
     a.quiet = False
-    for program in (a.whitted, a.bdpt):
+    for program in (a.whitted, a.bdpt, a.zoom):
         if not os.access(program, os.X_OK):
             parser.error(f"{program}: not there; meson setup build && ninja -C build")
     return parser, a
@@ -72,7 +78,7 @@ def prepare(parser, a):
     except OSError as e:
         parser.error(f"--out {a.out}: {e.strerror}")
     usual = a.scenes == os.path.abspath(parser.get_default("scenes"))
-    if not any(not missing_file(a, s) for s in FULL.scenes if not is_builtin(s)):
+    if not any(not missing_file(a, s) for s in LEVELS["full"].scenes if not is_builtin(s)):
         if not usual:
             parser.error(f"--scenes {a.scenes}: no scene NAME/NAME.glb in it")
         print("report: no folder of scenes (--scenes FOLDER): built-in scenes alone", file=sys.stderr)
@@ -90,6 +96,8 @@ def flat(value, prefix=""):
 def write(a, rows):
     """Page and figures from what rows there are."""
     add_points(rows)
+    sections = [(anchor, module.TITLE, module.section(a, rows)) for anchor, module, of in SECTIONS
+                if any(r["labels"]["section"] == of for r in rows.values())]
     with open(os.path.join(a.out, "rows.json"), "w") as f:
         json.dump(list(rows.values()), f, indent=1)
     lines = [flat(r) for r in rows.values()]
@@ -97,10 +105,6 @@ def write(a, rows):
         writer = csv.DictWriter(f, list(dict.fromkeys(k for line in lines for k in line)), lineterminator="\n")
         writer.writeheader()
         writer.writerows(lines)
-    sections = []
-    for anchor, module, needs in SECTIONS:
-        if any(r["labels"]["section"] in needs and "point" in r for r in rows.values()):
-            sections.append((anchor, module.TITLE, module.section(a, rows)))
     path = os.path.join(a.out, "index.html")
     with open(path + ".part", "w") as f:
         f.write(page(a, sections))
@@ -119,7 +123,7 @@ def main():
         return
     if not chosen:
         parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
-    programs = Programs({"whitted": os.path.abspath(a.whitted), "bdpt": os.path.abspath(a.bdpt)})
+    programs = Programs({p: os.path.abspath(getattr(a, p)) for p in ("whitted", "bdpt", "zoom")})
     try:
         rows = Rows(a, programs, cases)
     except Failure as e:

@@ -1,46 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one list of all cases: what is rendered for which section, at three sizes of report."""
-import dataclasses
+"""The one list of all cases: what is rendered for which section. How much of it: levels.py."""
 import os
 
+import convergence
+from report import made
 from report.runner import Case
 from scenes import is_builtin, missing_file, scene_words
 
 # Environments as directional lights, which are what the grid decides: outdoors, and in rooms lit through windows.
 BY_SKY = ["atrium", "shapes", "dominoes", "plant", "living-room", "san-miguel", "hair-straight"]
 OWN_SKY = ["atrium"]
-GRID_MODES = ["OPT", "RES", "FLO", "GNU", "GWU", "GNB", "GWB", "SWB"]
-
-
-@dataclasses.dataclass
-class Level:
-    """How large a report is: images, what is swept, which scenes."""
-    size: str
-    spp: int
-    vpls: int
-    env_lights: int
-    runs: int           # pairs of frames
-    bdpt_spp: int
-    scenes: list        # of the curves
-    sweeps: dict        # values by method
-
-
-FULL = Level("320x180", 16, 1024, 256, 3, 16,
-             ["atrium", "conference-lights", "shapes", "kitchen", "conference", "breakfast", "living-room", "san-miguel",
-              "hair-straight"],
-             {"cache": [4, 8, 16, 32, 64], "cache-unrefined": [4, 8, 16, 32], "cache-words": [8, 16, 32],
-              "estimate": [0.5, 1, 2, 4, 8, 16, 32], "cached-selection": [2, 4, 8, 16, 32],
-              "selection": [2, 4, 8, 16, 32, 64], "fewer": [2, 4, 8, 16, 32, 64],
-              "adaptive": [0.02, 0.05, 0.1, 0.2, 0.5], "adaptive-cache": [0.05, 0.2, 0.5],
-              "grid": GRID_MODES, "bdpt": [6, 12, 24, 48]})
-QUICK = Level("160x90", 4, 256, 64, 1, 4, ["atrium", "conference-lights", "shapes", "conference"],
-              {"cache": [8, 16, 32], "cache-unrefined": [8, 32], "cache-words": [], "estimate": [2, 6, 24],
-               "cached-selection": [6, 24], "selection": [6, 24, 64], "fewer": [2, 8], "adaptive": [0.05, 0.2],
-               "adaptive-cache": [0.2], "grid": ["OPT", "GNU"], "bdpt": [12]})
-TINY = Level("32x18", 4, 64, 16, 1, 2, ["cornell", "shapes"],
-             {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
-              "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["OPT"],
-              "bdpt": [12]})
 
 # --visibility and the knob of each method
 HOW = {"cache": lambda v: ["--visibility", "cache", "--ce", v],
@@ -66,6 +35,12 @@ def compare(a, words, runs):
     return [*words, "--threads", str(a.threads), "--compare", "--runs", str(runs), "--quiet", "--json", "-"]
 
 
+def cost(level, spp, lights, frames):
+    """About how long frames take, in any unit: for the time that is left."""
+    width, height = map(int, level.size.split("x"))
+    return width * height * spp * (lights + 30) * frames / 1e8 + 0.3
+
+
 def sky(a, scene):
     """An environment for what has none: the maps' folder, or one that the report makes."""
     if scene not in BY_SKY or scene in OWN_SKY or "--env" in scene_words(a, scene):
@@ -74,41 +49,108 @@ def sky(a, scene):
     return ["--env", path if os.path.exists(path) else "made/sun.hdr"]
 
 
-def setting(a, level, scene, vpls=None):
-    """A scene of the curves, and its lights: whole frames as they come, but for skies as lights."""
-    words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", str(level.spp), "--vpls",
+def setting(a, level, scene, vpls=None, spp=None):
+    """A scene and its lights: whole frames as they come, but for skies as lights."""
+    words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", str(spp or level.spp), "--vpls",
              str(level.vpls if vpls is None else vpls)]
     return words + (["--env-lights", str(level.env_lights)] if scene in BY_SKY else [])
 
 
+def curve_image(scene, method):
+    return f"images/curves-{scene}-{method}.exr"
+
+
 def curves(a, level):
+    full = cost(level, level.spp, level.vpls, level.runs)
     for scene in a.present(level.scenes):
-        base, image = f"curves/{scene}/exact", f"images/curves-{scene}.exr"
+        base, image = f"curves/{scene}/exact", curve_image(scene, "exact")
         yield Case(base, compare(a, setting(a, level, scene) + ["--visibility", "exact", "-o", image], level.runs),
-                   {"section": "curves", "scene": scene, "method": "limit", "value": ""}, makes=(image,))
+                   {"section": "curves", "scene": scene, "method": "limit", "value": ""}, makes=(image,), cost=2 * full)
         for method, values in level.sweeps.items():
             if method == "grid" and scene not in BY_SKY:
                 continue
             for value in values:
                 labels = {"section": "curves", "scene": scene, "method": method, "value": value, "base": base}
-                name, needs = f"curves/{scene}/{method}/{word(value)}", ()
+                case = Case(f"curves/{scene}/{method}/{word(value)}", [], labels, cost=1.4 * full)
                 if method == "fewer":
                     labels["value"] = level.vpls // value
                     words = setting(a, level, scene, level.vpls // value)
-                    words = alone(a, words + ["--visibility", "exact", "--reference", image])
-                    needs = (base,)
+                    case.words = alone(a, words + ["--visibility", "exact", "--reference", image])
+                    case.needs, case.cost = (base,), cost(level, level.spp, level.vpls // value, 1)
                 elif method == "bdpt":
                     words = ["bdpt", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp",
                              str(level.bdpt_spp), "--epoch", str(level.bdpt_spp), "--visibility", "cache", "--ce", word(value)]
-                    words = compare(a, words, 1)
+                    case.words = compare(a, words, 1)
                 else:
-                    words = compare(a, setting(a, level, scene) + HOW[method](word(value)), level.runs)
-                yield Case(name, words, labels, needs)
+                    case.words = compare(a, setting(a, level, scene) + HOW[method](word(value)), level.runs)
+                if level.pictures.get(method) == value:
+                    case.makes = (curve_image(scene, method),)
+                    case.words += ["-o", *case.makes]
+                yield case
+
+
+def kinds(a, level):
+    """Kinds of light: name, scene, whitted's words for it without C_E, the options that take C_E, hard or soft."""
+    delta = [made.SOURCE] if level.real_lights else []
+    if a.present(delta):
+        yield ("points and a sun", made.SOURCE, ["whitted", "made/delta.glb", "--vpls", "0", "--light-samples", "0"],
+               ["--ce-delta"], "hard")
+    yield ("spots", "conference-lights", ["whitted", "conference-lights", "--vpls", "0"], ["--ce-delta"], "hard")
+    for scene in a.present(["kitchen"] if level.real_lights else []) or ["cornell"]:
+        yield ("area lights", scene, ["whitted", *scene_words(a, scene), "--vpls", "0", "--light-samples",
+                                      str(level.light_samples)], ["--ce-samples"], "soft")
+    for scene in a.present(["living-room", "san-miguel"] if level.real_lights else []) or ["shapes"]:
+        yield ("sky and virtual lights", scene, ["whitted", *scene_words(a, scene), *sky(a, scene), "--vpls", str(level.vpls),
+                                                 "--env-lights", str(level.env_lights)], ["--ce", "--ce-delta"], "soft")
+    for scene in a.present(["hair-straight"] if level.real_lights else []):
+        yield ("hair", scene, ["whitted", *scene_words(a, scene), "--vpls", str(level.vpls // 4), "--env-lights",
+                               str(level.env_lights // 4)], ["--ce", "--ce-delta"], "soft")
+
+
+def lights(a, level):
+    for kind, scene, words, knobs, range_of in kinds(a, level):
+        for aliased, spp in ((0, level.spp), (1, 1)):
+            for value in level.ranges[range_of][aliased]:
+                given = [w for k in knobs for w in (k, word(value))]
+                yield Case(f"lights/{kind.replace(' ', '-')}/{scene}/{spp}spp/{word(value)}",
+                           compare(a, words + ["--size", level.size, "--spp", str(spp), "--visibility", "cache", *given], level.runs),
+                           {"section": "lights", "kind": kind, "scene": scene, "method": "cache", "value": value,
+                            "anti_aliased": not aliased}, cost=cost(level, spp, level.vpls, 1.4 * level.runs))
+
+
+def converged(a, level):
+    for scene in a.present(level.converged):
+        base, image = f"converged/{scene}/reference", f"images/converged-{scene}.exr"
+        labels = {"section": "converged", "scene": scene, "method": "reference", "value": level.reference_spp}
+        how = ["--visibility", "exact", "--select", "8", "-o", image]
+        yield Case(base, alone(a, setting(a, level, scene, spp=level.reference_spp) + how), labels, makes=(image,),
+                   cost=cost(level, level.reference_spp, 8, 1))
+        for method, (options, knob, _, paths) in convergence.METHODS.items():
+            for value in level.converged_knobs[method]:
+                every = method in ("exact", "cache")
+                most = level.reference_spp // convergence.SHARED // (4 if every else 1)
+                for spp in (p for p in paths if p <= most):
+                    words = setting(a, level, scene, spp=spp) + options + ([knob, word(value)] if knob else [])
+                    labels = {"section": "converged", "scene": scene, "method": method, "value": "" if value is None else value,
+                              "spp": spp, "base": base}
+                    yield Case(f"converged/{scene}/{method}/{word(value or 'all')}/{spp}spp",
+                               alone(a, words + ["--reference", image]), labels, (base,),
+                               cost=cost(level, spp, level.vpls if every else value, 1))
+
+
+def pictures(a, level):
+    for scene in a.present(level.scenes):
+        exact = curve_image(scene, "exact")
+        for method, value in level.pictures.items():
+            prefix = f"pictures/{scene}-{method}"
+            yield Case(f"pictures/{scene}/{method}", ["zoom", exact, curve_image(scene, method), prefix],
+                       {"section": "pictures", "scene": scene, "method": method, "value": value},
+                       (f"curves/{scene}/exact", f"curves/{scene}/{method}/{word(value)}"),
+                       tuple(f"{prefix}-{what}.png" for what in ("exact", "other", "error", "flip")), 0.3)
 
 
 # A section adds its generator here; each takes the options and the level and yields its cases.
-ALL = [curves]
-LEVELS = {"full": FULL, "quick": QUICK, "tiny": TINY}
+ALL = [curves, lights, converged, pictures]
 
 
 def all_cases(a, level):

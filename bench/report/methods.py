@@ -18,7 +18,9 @@ METHODS = {
     "adaptive-cache": Method("adaptive + cache", "#009e73", "diamond", True, True, "T = {}", True),
     "grid": Method("grid coherence", "#b0508a", "up", False, False, "{}", False),
     "bdpt": Method("bidirectional, cache", "#a87000", "down", True, True, "C_E = {}", True),
+    "exact": Method("exact, all lights", "#9a9a9a", "diamond", False, True, "", False),
     "limit": Method("exact", "#333333", "cross", False, False, "", False),
+    "reference": Method("converged", "#333333", "cross", False, False, "{} paths", False),
 }
 
 
@@ -59,6 +61,18 @@ def of_limit(figures):
             "noise": figures["speedup"]["frame"]}
 
 
+def of_converged(figures):
+    """The point of a frame alone against a converged image."""
+    error = figures["reference"]["mode_run"]
+    return {"time": figures["mode_run"]["frame_s"], "rel_mse": error["rel_mse"], "l_inf": error["l_inf"], "flip": error["flip"]}
+
+
+def derived(rows, id, figures, parents):
+    """A row of what was computed from others, so that the page can show it."""
+    rows[id] = {"id": id, "command": "computed from " + ", ".join(parents), "labels": {"section": "derived"}, "figures": figures}
+    return rows[id]
+
+
 def add_points(rows):
     """Gives each row its `point`, from its own figures and those of its base."""
     ratio = {}
@@ -70,6 +84,9 @@ def add_points(rows):
         figures, labels = row["figures"], row["labels"]
         if labels.get("method") == "limit":
             row["point"] = of_limit(figures)
+        elif labels["section"] == "converged":
+            if "reference" in figures:
+                row["point"] = of_converged(figures)
         elif "error" in figures:
             row["point"] = compared(figures)
             if labels["method"] == "bdpt":

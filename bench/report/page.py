@@ -14,7 +14,7 @@ ESCAPE = html.escape
 def lookup(row, field):
     """`field`: "figures.exact.frame_s"; None where it is not there."""
     for key in field.split("."):
-        row = row.get(key) if isinstance(row, dict) else None
+        row = row.get(key) if isinstance(row, dict) else row[int(key)] if isinstance(row, list) else None
     return row
 
 
