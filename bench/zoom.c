@@ -3,7 +3,7 @@
  *
  *     zoom EXACT.exr OTHER.exr PREFIX
  *
- * writes PREFIX-exact.png, -other.png, -error.png (8 x the difference), -flip.png (black: none, white: 1) and of the
+ * writes PREFIX-exact.png, -other.png, -error.png (8 x the difference), -flip.png (black: none, white: 1; by the root) and of the
  * worst blocks PREFIX-I-exact.png, -I-other.png and -I-flip.png; prints JSON: errors of the whole image and the blocks,
  * worst first: place, side in pixels, mean FLIP, share of all absolute differences, change of light.
  */
@@ -32,7 +32,7 @@ static image map_picture(const float *map, uint32_t width, uint32_t height)
 {
     image out = image_new(width, height);
     for (size_t i = 0; i < (size_t)width * height; i++)
-        out.pixels[i] = heat(map[i]);
+        out.pixels[i] = heat(sqrtf(map[i])); /* what is seen at all lies far below 1 */
     return out;
 }
 

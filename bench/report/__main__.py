@@ -40,7 +40,7 @@ def parse():
     parser.prog = "report"
     parser.add_argument("--bdpt", default=os.path.join(ROOT, "build", "renderers", "bdpt", "bdpt"))
     parser.add_argument("--zoom", default=os.path.join(ROOT, "build", "bench", "zoom"))
-    parser.add_argument("--out", default=os.path.join(ROOT, "out", "report"), help="folder to write (default: out/report)")
+    parser.add_argument("--out", help="folder to write (default: out/report, out/report-quick)")
     parser.add_argument("--only", metavar="SECTION", help="cases of one section alone")
     parser.add_argument("--threads", type=int, default=1, help="of each renderer, which run one at a time (default 1)")
     parser.add_argument("--tiny", action="store_true", help="smaller still than --quick: does the report work?")
@@ -50,6 +50,9 @@ def parse():
     sections = list(dict.fromkeys(s for _, _, s in SECTIONS))
     if a.only and a.only not in sections:
         parser.error(f"--only takes {', '.join(sections)}, not {a.only}")
+    a.level_name = "tiny" if a.tiny else "quick" if a.quick else "full"
+    a.level = LEVELS[a.level_name]
+    a.out = a.out or os.path.join(ROOT, "out", "report" if a.level_name == "full" else f"report-{a.level_name}")
     a.scenes, a.out = (os.path.abspath(f) for f in (a.scenes, a.out))
     a.quiet = False
     for program in (a.whitted, a.bdpt, a.zoom):
@@ -68,8 +71,17 @@ def machine():
     return f"{model}, {os.cpu_count()} CPUs"
 
 
-def prepare(parser, a):
-    """The folder that is written, and what scenes there are."""
+def find_scenes(parser, a):
+    usual = a.scenes == os.path.abspath(parser.get_default("scenes"))
+    if not any(not missing_file(a, s) for s in LEVELS["full"].scenes if not is_builtin(s)):
+        if not usual:
+            parser.error(f"--scenes {a.scenes}: no scene NAME/NAME.glb in it")
+        print("report: no folder of scenes (--scenes FOLDER): built-in scenes alone", file=sys.stderr)
+    a.present = lambda scenes: present(a, scenes)
+
+
+def open_folder(parser, a):
+    """What is written into."""
     try:
         for folder in ("plots", "pictures", "images", "made"):
             os.makedirs(os.path.join(a.out, folder), exist_ok=True)
@@ -77,14 +89,8 @@ def prepare(parser, a):
             pass
     except OSError as e:
         parser.error(f"--out {a.out}: {e.strerror}")
-    usual = a.scenes == os.path.abspath(parser.get_default("scenes"))
-    if not any(not missing_file(a, s) for s in LEVELS["full"].scenes if not is_builtin(s)):
-        if not usual:
-            parser.error(f"--scenes {a.scenes}: no scene NAME/NAME.glb in it")
-        print("report: no folder of scenes (--scenes FOLDER): built-in scenes alone", file=sys.stderr)
     a.machine = machine()
-    a.present = lambda scenes: present(a, scenes)
-    made.make(a)
+    made.make(a, a.level)
 
 
 def flat(value, prefix=""):
@@ -114,15 +120,15 @@ def write(a, rows):
 
 def main():
     parser, a = parse()
-    prepare(parser, a)
-    level = LEVELS["tiny" if a.tiny else "quick" if a.quick else "full"]
-    cases = all_cases(a, level)
+    find_scenes(parser, a)
+    cases = all_cases(a, a.level)
     chosen = [c for c in cases if a.filter.search(c.id) and a.only in (None, c.labels["section"])]
     if a.list:
         print("\n".join(c.id for c in chosen))
         return
     if not chosen:
         parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
+    open_folder(parser, a)
     programs = Programs({p: os.path.abspath(getattr(a, p)) for p in ("whitted", "bdpt", "zoom")})
     try:
         rows = Rows(a, programs, cases)

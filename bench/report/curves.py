@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed against error of every method, a plot for each scene."""
 from convergence import front
-from report.methods import METHODS, name_of
-from report.page import FORMATS, attributes, figure, given, lookup, name, number, save_plot, setting, table
+from report.methods import METHODS, name_of, stepped_aside
+from report.page import FORMATS, attributes, figure, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
 TITLE = "Speed against error"
@@ -22,12 +22,13 @@ def of_scene(rows, scene):
 def best(points):
     """What no other beats in speed and error; pairs of paths are another picture and have no part in it."""
     kept = [dict(row=r, time=1.0 / r["point"]["frame"], error=r["point"]["error"]) for r in points
-            if r["labels"]["method"] not in ("limit", "bdpt")]
+            if r["labels"]["method"] not in ("limit", "bdpt") and not stepped_aside(r)]
     return [k["row"] for k in front(kept, "time", "error")]
 
 
 def tooltip(row, what, form):
-    return f'{name_of(row)}: {FORMATS[form](row["point"][what])} at {FORMATS["percent"](row["point"]["error"])}'
+    aside = " (all lights traced)" if stepped_aside(row) else ""
+    return f'{name_of(row)}{aside}: {FORMATS[form](row["point"][what])} at {FORMATS["percent"](row["point"]["error"])}'
 
 
 def plot(points, what, title, form, large):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table at the top: how fast at which error, and where the cache loses."""
 from report.curves import of_scene
-from report.methods import METHODS, setting_of
+from report.methods import METHODS, setting_of, stepped_aside
 from report.page import figure, given, name, number, table
 
 TITLE = "In ten seconds"
@@ -13,7 +13,8 @@ ALSO = {"cache": ["cache", "cache-unrefined", "cache-words"]}
 
 def fastest(points, method, target):
     """The fastest measured setting whose error is within the target; None where there is none."""
-    good = [r for r in points if r["labels"]["method"] in ALSO.get(method, [method]) and r["point"]["error"] <= target]
+    good = [r for r in points if r["labels"]["method"] in ALSO.get(method, [method]) and r["point"]["error"] <= target and
+            not stepped_aside(r)]
     return max(good, key=lambda r: r["point"]["frame"], default=None)
 
 
@@ -22,7 +23,8 @@ def cell(entry, method):
     if row is None:
         return "–"
     winner = max((r for r in entry["best"].values() if r), key=lambda r: r["point"]["frame"])
-    return f'{number(row, "point.frame", "times", bold=row is winner)} <small>{name(setting_of(row))}</small>'
+    wins = row is winner and row["point"]["frame"] > 1.0
+    return f'{number(row, "point.frame", "times", bold=wins)} <small>{name(setting_of(row))}</small>'
 
 
 def sentences(entries):
@@ -39,7 +41,9 @@ def sentences(entries):
 
         def said(m):
             return f'{METHODS[m].name} ({number(found[m], "point.frame", "times")} at {number(found[m], "point.error", "percent")})'
-        if not METHODS[winner].ours:
+        if found[winner]["point"]["frame"] <= 1.0:
+            out.append(f"{where} nothing is faster than exact: at best {said(winner)}.")
+        elif not METHODS[winner].ours:
             ours = [m for m in found if METHODS[m].ours]
             behind = f', before {said(max(ours, key=lambda m: found[m]["point"]["frame"]))}' if ours else "; nothing that uses the cache gets there"
             out.append(f"{where} the cache loses: fastest is {said(winner)}{behind}.")

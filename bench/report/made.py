@@ -23,19 +23,12 @@ def points_and_sun(source, out):
     glb.write(out, scene, rest)
 
 
-def source_of(a, scene):
-    return os.path.join(a.scenes, scene, scene + ".glb")
-
-
-def make(a):
-    for name, maker in (("sun.hdr", lambda path: made_map(path, "sun")), ("delta.glb", lambda path: make_delta(a, path))):
-        path = os.path.join(a.out, "made", name)
-        if not os.path.exists(path):
-            maker(path)
-
-
-def make_delta(a, path):
-    if os.path.exists(source_of(a, SOURCE)):
-        with open(path + ".part", "wb") as f:
-            points_and_sun(source_of(a, SOURCE), f)
-        os.replace(path + ".part", path)
+def make(a, level):
+    sun, delta = (os.path.join(a.out, "made", n) for n in ("sun.hdr", "delta.glb"))
+    if not os.path.exists(sun):
+        made_map(sun, "sun")
+    source = os.path.join(a.scenes, SOURCE, SOURCE + ".glb")
+    if level.real_lights and os.path.exists(source) and not os.path.exists(delta):
+        with open(delta + ".part", "wb") as f:
+            points_and_sun(source, f)
+        os.replace(delta + ".part", delta)

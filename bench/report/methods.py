@@ -34,6 +34,11 @@ def name_of(row):
     return ", ".join(t for t in (METHODS[row["labels"]["method"]].name, setting_of(row)) if t)
 
 
+def stepped_aside(row):
+    """Where a draw of lights saves nothing, all are traced: that is exact, whatever was asked for."""
+    return row["labels"]["method"] in ("estimate", "selection", "cached-selection") and row["figures"].get("served") == "exact"
+
+
 def compared(figures):
     """The point of a frame beside the exact one, rendered in turn with it."""
     exact, mode, error, faster = (figures[k] for k in ("exact", "mode_run", "error", "speedup"))

@@ -11,7 +11,7 @@ STYLE = """<style>
 .slider img { width: 560px; height: auto; image-rendering: auto; } .slider .over { position: absolute; left: 0; top: 0; clip-path: inset(0 0 0 var(--cut)); }
 .slider::after { content: ""; position: absolute; top: 0; bottom: 26px; left: var(--cut); border-left: 2px solid #fff; box-shadow: 0 0 2px #000; }
 .slider input { display: block; width: 100%; margin: 4px 0 0; height: 20px; }
-.small img { width: 275px; height: auto; } .zoom img { width: 150px; image-rendering: pixelated; }
+.small img { width: 275px; height: auto; } .zoom img { width: 118px; margin-right: 3px; image-rendering: pixelated; }
 .small figcaption, .zoom figcaption { font-size: 0.82em; line-height: 1.35; } .small figure, .zoom figure { margin: 0; }
 </style>"""
 SCRIPT = """document.querySelectorAll(".slider input").forEach(function (i) {
@@ -41,7 +41,7 @@ def one(a, row):
         ("exact", "exact"), ("other", name_of(row)), ("error", "8 x the difference"), ("flip", "FLIP")))
     slider = f'<div class="slider">{exact}<span class="over">{other}</span>' \
              '<input type="range" min="0" max="100" value="50" aria-label="exact to the left, the method to the right"></div>'
-    beside = f'<div class="small">{shown(error, "8 x the difference".replace("8", "eight"))}{shown(flip, "FLIP: dark is alike")}</div>'
+    beside = f'<div class="small">{shown(error, "8 x the difference".replace("8", "eight"))}{shown(flip, "FLIP: black is alike")}</div>'
     caption = f"{name(row['labels']['scene'])}: exact left of the line, {name(name_of(row))} right of it. Whole image: l_inf " \
               f"{number(row, 'figures.l_inf', 'percent')}, FLIP {number(row, 'figures.flip', 'flip')}, HDR-FLIP " \
               f"{number(row, 'figures.flip_hdr', 'flip')}. Below: the worst places, found by FLIP; exact, method, FLIP."

@@ -63,6 +63,8 @@ class Rows:
         for line in whole.splitlines():
             try:
                 row = json.loads(line)
+                if row["size"] != a.level_name:
+                    raise Failure(f"{a.out}: holds a {row['size']} report, this is a {a.level_name} one; another --out")
                 self.rows[row["id"]] = row
             except (ValueError, KeyError, TypeError):
                 print(f"report: {self.path}: a damaged line left out", file=sys.stderr)
@@ -80,10 +82,12 @@ class Rows:
 
     def add(self, case, figures, seconds):
         row = {"id": case.id, "key": self.key(case), "command": public(self.a, case.words), "wall_s": round(seconds, 3),
-               "machine": self.a.machine, **{"labels": case.labels}, "figures": figures}
+               "size": self.a.level_name, "machine": self.a.machine, "labels": case.labels, "figures": figures}
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # in the file and here, or in neither
         os.write(self.file.fileno(), (json.dumps(row) + "\n").encode())  # whole, and at the end
-        os.fsync(self.file.fileno())
         self.rows[case.id] = row
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        os.fsync(self.file.fileno())
 
 
 def figures_of(a, programs, case):

@@ -103,17 +103,23 @@ def overlap(a, b):
     return max(0.0, min(a[2], b[2]) - max(a[0], b[0])) * max(0.0, min(a[3], b[3]) - max(a[1], b[1]))
 
 
-def place_labels(series, box, size):
-    """(name, x, y, anchor, colour) of each: beside one of its points, where it covers least of what is there."""
-    left, right, top, bottom = box
-    taken = []  # boxes of markers and of pieces of lines, whose they are
+def pieces(series):
+    """Boxes of markers and of pieces of lines, and whose they are."""
+    taken = []
     for s in series:
         for (x0, y0), (x1, y1) in zip(s.points, s.points[1:]):
             steps = max(1, int(math.hypot(x1 - x0, y1 - y0) / 8))
             taken += [((x0 + (x1 - x0) * i / steps - 2, y0 + (y1 - y0) * i / steps - 2, x0 + (x1 - x0) * i / steps + 2,
                         y0 + (y1 - y0) * i / steps + 2), s) for i in range(steps + 1)]
-        taken += [((x - 5, y - 5, x + 5, y + 5), s) for x, y in s.points]
-    labels, placed = [], []
+        taken += [((x - 6, y - 6, x + 6, y + 6), None) for x, y in s.points]
+    return taken
+
+
+def place_labels(series, box, size, placed):
+    """(name, x, y, colour) of each: beside one of its points, where it covers least of what is there; `placed`: boxes of
+    what else is written."""
+    left, right, top, bottom = box
+    taken, labels = pieces(series), []
     for s in series:
         width = 0.56 * size * len(s.name)
         best = None
@@ -132,6 +138,12 @@ def place_labels(series, box, size):
     return labels
 
 
+def padded(values):
+    """With room for markers and their names at the borders."""
+    room = (max(values) / min(values)) ** 0.04
+    return [min(values) / room, max(values) * room]
+
+
 class Plot:
     """Both axes logarithmic unless `x_axis` or `y_axis` is given as a class; series are labelled where they are."""
 
@@ -143,7 +155,7 @@ class Plot:
         self.horizontal, self.vertical = [], []  # (value, words)
 
     def box(self):
-        return 62, self.width - 14, 34, self.height - 50
+        return 62, self.width - 14, 46, self.height - 50
 
     def axes(self):
         left, right, top, bottom = self.box()
@@ -152,20 +164,34 @@ class Plot:
         if self.floor:
             xs = [max(x, self.floor) for x in xs] or [self.floor, 1.0]
         ys = [p[1] for p in points if p[1] > 0] + [v for v, _ in self.horizontal]
-        return Axis(xs or [1], left, right), Axis(ys or [1], bottom, top)
+        return Axis(padded(xs or [1]), left, right), Axis(padded(ys or [1]), bottom, top)
+
+    def beside_lines(self, y, drawn):
+        """Words of the horizontal lines, left, middle or right, above or below them, where least is; and their boxes."""
+        left, right, _, _ = self.box()
+        taken, written, places = pieces(drawn), [], []
+        for value, words in self.horizontal:
+            width, options = 0.55 * self.size * len(words), []
+            for at in (left + 6, (left + right - width) / 2, right - 6 - width):
+                for down in (y(value) - 5, y(value) + self.size + 2):
+                    place = (at, down - 0.8 * self.size, at + width, down + 0.25 * self.size)
+                    options.append((sum(overlap(place, b) for b, _ in taken) + sum(6 * overlap(place, b) for b in places), at, down, place))
+            _, at, down, place = min(options, key=lambda o: o[0])
+            written.append((words, at, down))
+            places.append(place)
+        return written, places
 
     def svg(self):
         x, y = self.axes()
         left, right, top, bottom = box = self.box()
         parts = [head(self.width, self.height, self.size)] + grid(x, y, box, self.x_label, self.y_label)
         parts.append(text((left + right) / 2, self.height - 12, self.x_name, more=' class="axis"'))
-        parts.append(text(8, top - 14, self.y_name, "start", ' class="axis"'))
+        parts.append(text(8, top - 26, self.y_name, "start", ' class="axis" font-weight="bold"'))
         if self.front:  # a broad pale band below everything
             parts.append(polyline([(x(a), y(b)) for a, b in self.front], "#ffe680",
                                   ' stroke-width="13" stroke-linejoin="round" stroke-linecap="round" stroke-opacity="0.8"'))
         for value, words in self.horizontal:
             parts.append(f'<path d="M{left} {y(value):.1f}H{right}" stroke="#222" stroke-dasharray="7 4"/>')
-            parts.append(text(left + 6, y(value) - 5, words, "start"))
         for value, words in self.vertical:
             parts.append(f'<path d="M{x(value):.1f} {top}V{bottom}" stroke="#222" stroke-dasharray="2 4"/>')
             parts.append(text(x(value), top - 5, words, more=' class="axis"'))
@@ -177,8 +203,10 @@ class Plot:
                 said = f"<title>{escape(p[3])}</title>" if p[3] else ""
                 attributes = "".join(f" {k}={quoteattr(str(v))}" for k, v in (p[2] or {}).items())
                 parts.append(f"<g{attributes}>{said}{marker(x(p[0]), y(p[1]), s.shape, s.colour, False, s.hollow)}</g>")
-        placed = [Series(s.name, [(x(p[0]), y(p[1])) for p in s.points], s.colour, s.shape) for s in self.series if s.points]
-        for words, at, down, colour in place_labels(placed, box, self.size):
-            halo = f' fill="{colour}" stroke="#fff" stroke-width="3" paint-order="stroke" font-weight="bold" class="name"'
-            parts.append(text(at, down, words, "start", halo))
+        drawn = [Series(s.name, [(x(p[0]), y(p[1])) for p in s.points], s.colour, s.shape) for s in self.series if s.points]
+        written, places = self.beside_lines(y, drawn)
+        halo = ' stroke="#fff" stroke-width="3" paint-order="stroke"'
+        parts += [text(at, down, words, "start", halo) for words, at, down in written]
+        for words, at, down, colour in place_labels(drawn, box, self.size, places):
+            parts.append(text(at, down, words, "start", f' fill="{colour}"{halo} font-weight="bold" class="name"'))
         return "\n".join(parts + ["</svg>", ""])
