@@ -3,9 +3,9 @@
  *
  *     zoom EXACT.exr OTHER.exr PREFIX
  *
- * writes PREFIX-exact.png, -other.png, -error.png (8 x the difference), -flip.png (black: none, white: 1; by the root) and of the
- * worst blocks PREFIX-I-exact.png, -I-other.png and -I-flip.png; prints JSON: errors of the whole image and the blocks,
- * worst first: place, side in pixels, mean FLIP, share of all absolute differences, change of light.
+ * writes PREFIX-exact.png, -other.png, -error.png (8 x the difference), -flip.png (black: none, white: 1; by the root)
+ * and of the worst blocks PREFIX-I-exact.png, -I-other.png and -I-flip.png; prints JSON: errors of the whole image and
+ * the blocks, worst first: place, side in pixels, mean FLIP, share of all absolute differences, change of light.
  */
 #include "../renderers/common/flip.h"
 #include "../renderers/common/metrics.h"

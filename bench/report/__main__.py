@@ -5,8 +5,8 @@
     ./report [--quick] [--scenes FOLDER] [--out FOLDER] [--only SECTION]
 
 OUT/index.html is the page (all within one file), OUT/plots/*.svg and OUT/pictures/*.png its parts, OUT/rows.csv and
-rows.json all figures. Cases run one after another; OUT/rows.jsonl keeps a row of each, so that an interrupted report goes
-on where it was when it is started again, and what a changed program or command made is rendered anew.
+rows.json all figures. Cases run one after another; OUT/rows.jsonl keeps a row of each, so that an interrupted report
+goes on where it was when it is started again, and what a changed program or command made is rendered anew.
 
 FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in scenes alone are rendered. Sections:
   curves     speed against error of all methods, by scene (and the table at the top)
@@ -43,15 +43,19 @@ def parse():
     parser.add_argument("--out", help="folder to write (default: out/report, out/report-quick)")
     parser.add_argument("--only", metavar="SECTION", help="cases of one section alone")
     parser.add_argument("--threads", type=int, default=1, help="of each renderer, which run one at a time (default 1)")
+    parser.add_argument("--runs", type=int, help="pairs of frames, of which medians are taken (default 1)")
     parser.add_argument("--tiny", action="store_true", help="smaller still than --quick: does the report work?")
     a = parser.parse()
     if not 0 <= a.threads <= 1024:
         parser.error(f"--threads takes 0 ... 1024, not {a.threads}")
+    if a.runs is not None and not 1 <= a.runs <= 99:
+        parser.error(f"--runs takes 1 ... 99, not {a.runs}")
     sections = list(dict.fromkeys(s for _, _, s in SECTIONS))
     if a.only and a.only not in sections:
         parser.error(f"--only takes {', '.join(sections)}, not {a.only}")
     a.level_name = "tiny" if a.tiny else "quick" if a.quick else "full"
     a.level = LEVELS[a.level_name]
+    a.level.runs = a.runs or a.level.runs
     a.out = a.out or os.path.join(ROOT, "out", "report" if a.level_name == "full" else f"report-{a.level_name}")
     a.scenes, a.out = (os.path.abspath(f) for f in (a.scenes, a.out))
     a.quiet = False
@@ -145,7 +149,8 @@ def main():
     print(path)
     if interrupted:
         done = sum(c.id in valid for c in chosen)
-        print(f"report: interrupted; {done} of {len(chosen)} cases are done and kept: the same command goes on", file=sys.stderr)
+        print(f"report: interrupted; {done} of {len(chosen)} cases are done and kept: the same command goes on",
+              file=sys.stderr)
         sys.exit(130)
     if failed:
         parser.error(f"{len(failed)} cases failed; the same command tries them again")

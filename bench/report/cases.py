@@ -51,8 +51,8 @@ def sky(a, scene):
 
 def setting(a, level, scene, vpls=None, spp=None):
     """A scene and its lights: whole frames as they come, but for skies as lights."""
-    words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", str(spp or level.spp), "--vpls",
-             str(level.vpls if vpls is None else vpls)]
+    words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", str(spp or level.spp),
+             "--vpls", str(level.vpls if vpls is None else vpls)]
     return words + (["--env-lights", str(level.env_lights)] if scene in BY_SKY else [])
 
 
@@ -78,9 +78,10 @@ def curves(a, level):
                     case.words = alone(a, words + ["--visibility", "exact", "--reference", image])
                     case.needs, case.cost = (base,), cost(level, level.spp, level.vpls // value, 1)
                 elif method == "bdpt":
-                    words = ["bdpt", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp",
-                             str(level.bdpt_spp), "--epoch", str(level.bdpt_spp), "--visibility", "cache", "--ce", word(value)]
-                    case.words = compare(a, words, 1)
+                    spp = str(level.bdpt_spp)
+                    words = ["bdpt", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", spp,
+                             "--epoch", spp]
+                    case.words = compare(a, words + HOW["cache"](word(value)), 1)
                 else:
                     case.words = compare(a, setting(a, level, scene) + HOW[method](word(value)), level.runs)
                 if level.pictures.get(method) == value:
@@ -100,8 +101,9 @@ def kinds(a, level):
         yield ("area lights", scene, ["whitted", *scene_words(a, scene), "--vpls", "0", "--light-samples",
                                       str(level.light_samples)], ["--ce-samples"], "soft")
     for scene in a.present(["living-room", "san-miguel"] if level.real_lights else []) or ["shapes"]:
-        yield ("sky and virtual lights", scene, ["whitted", *scene_words(a, scene), *sky(a, scene), "--vpls", str(level.vpls),
-                                                 "--env-lights", str(level.env_lights)], ["--ce", "--ce-delta"], "soft")
+        words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--vpls", str(level.vpls), "--env-lights",
+                 str(level.env_lights)]
+        yield ("sky and virtual lights", scene, words, ["--ce", "--ce-delta"], "soft")
     for scene in a.present(["hair-straight"] if level.real_lights else []):
         yield ("hair", scene, ["whitted", *scene_words(a, scene), "--vpls", str(level.vpls // 4), "--env-lights",
                                str(level.env_lights // 4)], ["--ce", "--ce-delta"], "soft")
@@ -111,9 +113,10 @@ def lights(a, level):
     for kind, scene, words, knobs, range_of in kinds(a, level):
         for aliased, spp in ((0, level.spp), (1, 1)):
             for value in level.ranges[range_of][aliased]:
-                given = [w for k in knobs for w in (k, word(value))]
+                given = ["--size", level.size, "--spp", str(spp), "--visibility", "cache"]
+                given += [w for k in knobs for w in (k, word(value))]
                 yield Case(f"lights/{kind.replace(' ', '-')}/{scene}/{spp}spp/{word(value)}",
-                           compare(a, words + ["--size", level.size, "--spp", str(spp), "--visibility", "cache", *given], level.runs),
+                           compare(a, words + given, level.runs),
                            {"section": "lights", "kind": kind, "scene": scene, "method": "cache", "value": value,
                             "anti_aliased": not aliased}, cost=cost(level, spp, level.vpls, 1.4 * level.runs))
 
@@ -131,8 +134,8 @@ def converged(a, level):
                 most = level.reference_spp // convergence.SHARED // (4 if every else 1)
                 for spp in (p for p in paths if p <= most):
                     words = setting(a, level, scene, spp=spp) + options + ([knob, word(value)] if knob else [])
-                    labels = {"section": "converged", "scene": scene, "method": method, "value": "" if value is None else value,
-                              "spp": spp, "base": base}
+                    labels = {"section": "converged", "scene": scene, "method": method,
+                              "value": "" if value is None else value, "spp": spp, "base": base}
                     yield Case(f"converged/{scene}/{method}/{word(value or 'all')}/{spp}spp",
                                alone(a, words + ["--reference", image]), labels, (base,),
                                cost=cost(level, spp, level.vpls if every else value, 1))

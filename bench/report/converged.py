@@ -3,6 +3,7 @@
 import statistics
 
 from convergence import at_time, equal_times, front
+from report.curves import scenes_of
 from report.methods import METHODS, derived, name_of
 from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
@@ -35,14 +36,13 @@ def plot(curves):
 
 
 def ratios(rows, scene, curves):
-    """Rows of the methods' errors over the base's at equal times, and a row of their means."""
-    at = []
+    """Rows of the methods' errors at equal times, and a row of the means of these over the base's."""
+    at, means = [], {}
     for i, seconds in enumerate(equal_times(curves)):
         figures = {"seconds": seconds, **{m: at_time(c, seconds) for m, c in curves.items()}}
         if all(figures[m] for m in curves if m != "exact"):
             parents = [c["row"]["id"] for curve in curves.values() for c in curve]
             at.append(derived(rows, f"converged/{scene}/at/{i}", figures, parents))
-    means = {}
     for m in curves:
         shares = [r["figures"][m] / r["figures"][BASE] for r in at if r["figures"][m] and r["figures"].get(BASE)]
         if shares and m != BASE:
@@ -55,33 +55,34 @@ def verdict(means):
         return "<p>The curves have no time in common: nothing is said of who is better.</p>"
     lines = []
     for m, ratio in means["figures"].items():
-        better, worse = ratio < 0.95, ratio > 1.05
-        how = "less" if better else "more: it loses" if worse else "the same"
-        if METHODS[m].ours or m == "exact":
-            colour = "wins" if better else "loses" if worse and METHODS[m].ours else ""
-            lines.append(f'<li class="{colour}">{METHODS[m].name}: {number(means, f"figures.{m}", "times")} the relMSE of '
-                         f"{METHODS[BASE].name} in the same seconds ({how})</li>")
-    return f'<ul style="list-style: none; padding-left: 0">{"".join(lines)}</ul>'
+        how = "less" if ratio < 0.95 else "about the same" if ratio <= 1.05 else "more"
+        colour = "wins" if ratio < 0.95 else ""
+        if METHODS[m].ours and ratio > 1.05:
+            how, colour = "more: <b>it loses</b>", "loses"
+        lines.append(f'<li class="{colour}">{METHODS[m].name}: {number(means, f"figures.{m}", "times")} the relMSE of '
+                     f"{METHODS[BASE].name} in the same seconds ({how})</li>")
+    return f'<ul class="plain">{"".join(lines)}</ul>'
 
 
 def scene_section(a, rows, scene):
     curves = curves_of(rows, scene)
     own = [c["row"] for curve in curves.values() for c in curve]
-    reference = rows[own[0]["labels"]["base"]] if own[0]["labels"]["base"] in rows else own[0]
+    reference = rows.get(own[0]["labels"]["base"])
     at, means = ratios(rows, scene, curves)
     columns = [("seconds", lambda r: number(r, "figures.seconds", "seconds"))]
     columns += [(METHODS[m].name, lambda r, m=m: number(r, f"figures.{m}", "error")) for m in curves]
     figures = f"<details><summary>errors at equal times</summary>{table(columns, at)}</details>" if at else ""
-    caption = f"{name(scene)}: {setting(own[0])} and more; the converged image has " \
-              f"{number(reference, 'figures.spp', 'plain')} paths a pixel, exact visibility and the same lights. Lower and further left is better. " \
-              "Only what no other point of its method beats is drawn; ratios are geometric means over equal times, read off the curves."
-    return f"<h3>{name(scene)}</h3>" + figure(save_plot(a, f"converged-{scene}.svg", plot(curves)) + verdict(means) + figures, caption, own)
+    caption = f"{name(scene)}: {setting(own[0])}, and more; the converged image has " \
+              f"{number(reference, 'figures.spp', 'plain')} paths a pixel, exact visibility and the same lights. " \
+              "Lower and further left is better. Only what no other point of its method beats is drawn; ratios are " \
+              "geometric means over equal times, read off the curves."
+    drawn = save_plot(a, f"converged-{scene}.svg", plot(curves))
+    return f"<h3>{name(scene)}</h3>" + figure(drawn + verdict(means) + figures, caption, own)
 
 
 def section(a, rows):
-    scenes = dict.fromkeys(r["labels"]["scene"] for r in list(rows.values())
-                           if r["labels"]["section"] == "converged" and "point" in r)
-    head = "<p>All other errors here are the cache's alone, against the exact image of the same samples. This asks how far a picture is from " \
-           "the converged one after so many seconds, noise included: a method that is fast can afford more paths. " \
-           f"Stochastic selection draws K lights a path by their unoccluded contribution {given('(no cache)')}.</p>"
-    return head + "\n".join(scene_section(a, rows, s) for s in scenes)
+    head = "<p>All other errors here are the cache's alone, against the exact image of the same samples. This asks " \
+           "how far a picture is from the converged one after so many seconds, noise included: a method that is fast " \
+           f"can afford more paths. Stochastic selection draws K lights a path by their unoccluded contribution " \
+           f"{given('(no cache)')}.</p>"
+    return head + "\n".join(scene_section(a, rows, s) for s in scenes_of(rows, "converged"))

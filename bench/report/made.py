@@ -9,8 +9,7 @@ SOURCE = "sponza-crytek"
 
 
 def points_and_sun(source, out):
-    """A copy of the arcade and its sun with 24 point lights along its nave, in two rows, together about as bright as what
-    the sun leaves in the shade."""
+    """A copy of the arcade and its sun with 24 point lights along its nave, in two rows."""
     scene, rest = glb.read(source)
     lights = scene["extensions"]["KHR_lights_punctual"]["lights"]
     top = scene["scenes"][0]["nodes"]

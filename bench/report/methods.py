@@ -36,7 +36,8 @@ def name_of(row):
 
 def stepped_aside(row):
     """Where a draw of lights saves nothing, all are traced: that is exact, whatever was asked for."""
-    return row["labels"]["method"] in ("estimate", "selection", "cached-selection") and row["figures"].get("served") == "exact"
+    drawn = row["labels"]["method"] in ("estimate", "selection", "cached-selection")
+    return drawn and row["figures"].get("served") == "exact"
 
 
 def compared(figures):
@@ -47,12 +48,11 @@ def compared(figures):
             "mispredicted": error["mispredicted"]}
 
 
-def of_fewer_lights(figures, base):
-    """The point of a frame alone, against the exact image and time of `base`. What is seen directly is the same in both, so
-    that errors over the lit part are to those of the whole image in any frame as they are in all."""
-    mode, exact = figures["mode_run"], base["exact"]
-    whole = figures["reference"]["mode_run"]["l_inf"]
-    return {"error": whole * base["whole_over_lit"], "flip": figures["reference"]["mode_run"].get("flip"),
+def of_fewer_lights(figures, exact, whole_over_lit):
+    """The point of a frame alone, against the image and the times of `exact`. What is seen directly is the same in
+    both, so that errors over the lit part are to those of the whole image in any frame as they are in all."""
+    mode, error = figures["mode_run"], figures["reference"]["mode_run"]
+    return {"error": error["l_inf"] * whole_over_lit, "flip": error["flip"],
             "frame": exact["frame_s"] / mode["frame_s"], "shade": exact["shade_s"] / mode["shade_s"],
             "share": mode["rays_traced"] / max(1, exact["rays"])}
 
@@ -69,12 +69,13 @@ def of_limit(figures):
 def of_converged(figures):
     """The point of a frame alone against a converged image."""
     error = figures["reference"]["mode_run"]
-    return {"time": figures["mode_run"]["frame_s"], "rel_mse": error["rel_mse"], "l_inf": error["l_inf"], "flip": error["flip"]}
+    return {"time": figures["mode_run"]["frame_s"], **{k: error[k] for k in ("rel_mse", "l_inf", "flip")}}
 
 
 def derived(rows, id, figures, parents):
     """A row of what was computed from others, so that the page can show it."""
-    rows[id] = {"id": id, "command": "computed from " + ", ".join(parents), "labels": {"section": "derived"}, "figures": figures}
+    rows[id] = {"id": id, "command": "computed from " + ", ".join(parents), "labels": {"section": "derived"},
+                "figures": figures}
     return rows[id]
 
 
@@ -98,4 +99,4 @@ def add_points(rows):
                 row["point"]["shade"] = None  # its shading is not apart
         elif labels.get("method") == "fewer" and labels["base"] in rows and labels["base"] in ratio:
             base = rows[labels["base"]]["figures"]
-            row["point"] = of_fewer_lights(figures, {"exact": base["exact"], "whole_over_lit": ratio[labels["base"]]})
+            row["point"] = of_fewer_lights(figures, base["exact"], ratio[labels["base"]])

@@ -43,8 +43,8 @@ def public(a, words):
 
 
 class Rows:
-    """FOLDER/rows.jsonl: a line for each case that was run; of several with one id the last one counts. One process at a
-    time: others end in a line. A line that was cut off is dropped."""
+    """FOLDER/rows.jsonl: a line for each case that was run; of several with one id the last one counts. One process at
+    a time: others end in a line. A line that was cut off is dropped."""
 
     def __init__(self, a, programs, cases):
         self.a, self.programs, self.path = a, programs, os.path.join(a.out, "rows.jsonl")
@@ -120,7 +120,9 @@ def duration(seconds):
     seconds = int(seconds + 0.5)
     if seconds < 60:
         return f"{seconds} s"
-    return f"{seconds // 60} min {seconds % 60:02} s" if seconds < 3600 else f"{seconds // 3600} h {seconds % 3600 // 60:02} min"
+    if seconds < 3600:
+        return f"{seconds // 60} min {seconds % 60:02} s"
+    return f"{seconds // 3600} h {seconds % 3600 // 60:02} min"
 
 
 class Progress:

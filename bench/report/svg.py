@@ -23,8 +23,8 @@ def marker(x, y, shape, colour, faint, hollow=False):
     if shape == "cross":
         path = f"M{x - r:.1f} {y - r:.1f}L{x + r:.1f} {y + r:.1f}M{x - r:.1f} {y + r:.1f}L{x + r:.1f} {y - r:.1f}"
         return f'<path d="{path}" stroke="{colour}" stroke-width="2" stroke-opacity="{0.35 if faint else 1}"/>'
-    corners = {"square": [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)], "up": [(0, -1.2), (1.1, 0.9), (-1.1, 0.9)],
-               "down": [(0, 1.2), (1.1, -0.9), (-1.1, -0.9)],
+    corners = {"square": [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
+               "up": [(0, -1.2), (1.1, 0.9), (-1.1, 0.9)], "down": [(0, 1.2), (1.1, -0.9), (-1.1, -0.9)],
                "diamond": [(0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0)]}[shape]
     path = "L".join(f"{x + r * u:.1f} {y + r * v:.1f}" for u, v in corners)
     return f'<path d="M{path}Z" {looks}/>'
@@ -116,12 +116,12 @@ def pieces(series):
 
 
 def place_labels(series, box, size, placed):
-    """(name, x, y, colour) of each: beside one of its points, where it covers least of what is there; `placed`: boxes of
-    what else is written."""
+    """(name, x, y, colour) of each: beside one of its points, where it covers least of what is there; `placed`: boxes
+    of what else is written."""
     left, right, top, bottom = box
     taken, labels = pieces(series), []
     for s in series:
-        width = 0.56 * size * len(s.name)
+        width = 0.62 * size * len(s.name)
         best = None
         for rank, (x, y) in enumerate(s.points[::-1]):
             for dx, dy in ((9, 4), (9, -7), (9, 15), (-9 - width, 4), (-9 - width, -7), (-9 - width, 15),
@@ -130,7 +130,7 @@ def place_labels(series, box, size, placed):
                 outside = max(0, left + 2 - place[0]) + max(0, place[2] - right + 2) + max(0, top + 2 - place[1]) + \
                     max(0, place[3] - bottom + 2)
                 cost = 60 * outside + 3 * rank + sum(6 * overlap(place, b) for b in placed) + \
-                    sum(overlap(place, b) * (0.6 if owner is s else 1.5) for b, owner in taken)
+                    sum(overlap(place, b) * (0.6 if owner is s else 1.5 if owner else 4.0) for b, owner in taken)
                 if best is None or cost < best[0]:
                     best = (cost, x + dx, y + dy, place)
         labels.append((s.name, best[1], best[2], s.colour))
@@ -167,7 +167,7 @@ class Plot:
         return Axis(padded(xs or [1]), left, right), Axis(padded(ys or [1]), bottom, top)
 
     def beside_lines(self, y, drawn):
-        """Words of the horizontal lines, left, middle or right, above or below them, where least is; and their boxes."""
+        """Words of the horizontal lines, left, middle or right, above or below, where least is; and their boxes."""
         left, right, _, _ = self.box()
         taken, written, places = pieces(drawn), [], []
         for value, words in self.horizontal:
@@ -175,7 +175,8 @@ class Plot:
             for at in (left + 6, (left + right - width) / 2, right - 6 - width):
                 for down in (y(value) - 5, y(value) + self.size + 2):
                     place = (at, down - 0.8 * self.size, at + width, down + 0.25 * self.size)
-                    options.append((sum(overlap(place, b) for b, _ in taken) + sum(6 * overlap(place, b) for b in places), at, down, place))
+                    cost = sum(overlap(place, b) for b, _ in taken) + sum(6 * overlap(place, b) for b in places)
+                    options.append((cost, at, down, place))
             _, at, down, place = min(options, key=lambda o: o[0])
             written.append((words, at, down))
             places.append(place)
@@ -184,12 +185,16 @@ class Plot:
     def svg(self):
         x, y = self.axes()
         left, right, top, bottom = box = self.box()
+
+        def at(value):
+            return x(max(value, self.floor or value))
+
         parts = [head(self.width, self.height, self.size)] + grid(x, y, box, self.x_label, self.y_label)
         parts.append(text((left + right) / 2, self.height - 12, self.x_name, more=' class="axis"'))
         parts.append(text(8, top - 26, self.y_name, "start", ' class="axis" font-weight="bold"'))
         if self.front:  # a broad pale band below everything
-            parts.append(polyline([(x(a), y(b)) for a, b in self.front], "#ffe680",
-                                  ' stroke-width="13" stroke-linejoin="round" stroke-linecap="round" stroke-opacity="0.8"'))
+            broad = ' stroke-width="13" stroke-linejoin="round" stroke-linecap="round" stroke-opacity="0.8"'
+            parts.append(polyline([(at(a), y(b)) for a, b in self.front], "#ffe680", broad))
         for value, words in self.horizontal:
             parts.append(f'<path d="M{left} {y(value):.1f}H{right}" stroke="#222" stroke-dasharray="7 4"/>')
         for value, words in self.vertical:
@@ -197,16 +202,18 @@ class Plot:
             parts.append(text(x(value), top - 5, words, more=' class="axis"'))
         for s in self.series:
             dash = ' stroke-dasharray="5 4"' if s.dashed else ""
-            parts.append(polyline([(x(p[0]), y(p[1])) for p in s.points], s.colour, f' stroke-width="2"{dash}'))
+            parts.append(polyline([(at(p[0]), y(p[1])) for p in s.points], s.colour, f' stroke-width="2"{dash}'))
         for s in self.series:
             for p in s.points:
                 said = f"<title>{escape(p[3])}</title>" if p[3] else ""
                 attributes = "".join(f" {k}={quoteattr(str(v))}" for k, v in (p[2] or {}).items())
-                parts.append(f"<g{attributes}>{said}{marker(x(p[0]), y(p[1]), s.shape, s.colour, False, s.hollow)}</g>")
-        drawn = [Series(s.name, [(x(p[0]), y(p[1])) for p in s.points], s.colour, s.shape) for s in self.series if s.points]
+                drawn = marker(at(p[0]), y(p[1]), s.shape, s.colour, False, s.hollow)
+                parts.append(f"<g{attributes}>{said}{drawn}</g>")
+        drawn = [Series(s.name, [(at(p[0]), y(p[1])) for p in s.points], s.colour, s.shape)
+                 for s in self.series if s.points]
         written, places = self.beside_lines(y, drawn)
         halo = ' stroke="#fff" stroke-width="3" paint-order="stroke"'
-        parts += [text(at, down, words, "start", halo) for words, at, down in written]
-        for words, at, down, colour in place_labels(drawn, box, self.size, places):
-            parts.append(text(at, down, words, "start", f' fill="{colour}"{halo} font-weight="bold" class="name"'))
+        parts += [text(across, down, words, "start", halo) for words, across, down in written]
+        for words, across, down, colour in place_labels(drawn, box, self.size, places):
+            parts.append(text(across, down, words, "start", f' fill="{colour}"{halo} font-weight="bold" class="name"'))
         return "\n".join(parts + ["</svg>", ""])
