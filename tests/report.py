@@ -16,7 +16,9 @@ import xml.dom.minidom
 BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys.argv[2:5]]
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
-from report import svg  # noqa: E402
+from report import methods, svg  # noqa: E402
+from report.curves import best  # noqa: E402
+from report.headline import Entry  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
 
 VOID = {"meta", "img", "input", "br", "link"}
@@ -131,6 +133,11 @@ class Report(unittest.TestCase):
         rows = self.rows().values()
         curves = [r for r in rows if r["labels"]["section"] == "curves"]
         self.assertGreater(sum(r["point"]["error"] > 0 for r in curves), 15)
+        for scene in ("cornell", "shapes"):  # what makes errors of whole images those of what is lit
+            errors = [r["figures"]["error"] for r in curves if r["labels"]["scene"] == scene and
+                      r["labels"]["method"] not in ("limit", "grid", "bdpt", "fewer") and r["point"]["error"] > 0]
+            for e in errors[1:]:
+                self.assertAlmostEqual(e["l_inf"] / e["l_inf_whole"], errors[0]["l_inf"] / errors[0]["l_inf_whole"], 4)
         for r in curves:
             self.assertIn("point", r)
             if r["labels"]["method"] == "limit":
@@ -192,6 +199,55 @@ class Report(unittest.TestCase):
                           ["--only", "nothing"], ["--filter", "nothing"], ["--filter", "("], ["--threads", "-1"],
                           ["--runs", "0"], ["--whitted", closed], ["--what"]):
                 self.assertEqual(len(self.run_it(*words, status=1).splitlines()), 1, words)
+
+
+def row(method, frame, error, scene="room", value=8, **figures):
+    labels = {"section": "curves", "scene": scene, "method": method, "value": value}
+    return {"id": f"{scene}/{method}/{frame}", "labels": labels, "figures": figures,
+            "point": {"frame": frame, "error": error}}
+
+
+class Points(unittest.TestCase):
+    def test_limit_takes_visibility_away(self):
+        exact = {"frame_s": 2.0, "shade_s": 1.5, "visibility_s": 1.0}
+        point = methods.of_limit({"exact": exact, "speedup": {"frame": 1.01}})
+        self.assertEqual((point["frame"], point["shade"], point["noise"]), (2.0, 3.0, 1.01))
+
+    def test_fewer_lights_against_all(self):
+        alone = {"mode_run": {"frame_s": 0.5, "shade_s": 0.25, "rays_traced": 30},
+                 "reference": {"mode_run": {"l_inf": 0.1, "flip": 0.2}}}
+        beside = {"exact": {"frame_s": 2.0, "shade_s": 1.5, "visibility_s": 1.0, "rays": 90}, "speedup": {"frame": 1}}
+        error = {"error": {"l_inf": 0.06, "l_inf_whole": 0.02, "mispredicted": None}, "mode_run": {"rays_traced": 9},
+                 "speedup": {"frame": 4, "shade": 5, "rays": 10}, "exact": {"rays": 90}}
+        rows = {"base": {"labels": {"section": "curves", "method": "limit"}, "figures": beside},
+                "cache": {"labels": {"section": "curves", "method": "cache", "base": "base"}, "figures": error},
+                "fewer": {"labels": {"section": "curves", "method": "fewer", "base": "base"}, "figures": alone}}
+        methods.add_points(rows)
+        point = rows["fewer"]["point"]
+        self.assertAlmostEqual(point["error"], 0.3)  # three times that of the whole image, as the cache's
+        self.assertAlmostEqual(point["share"], 1 / 3)
+        self.assertEqual((point["frame"], point["shade"], point["flip"]), (4.0, 6.0, 0.2))
+        self.assertEqual((rows["cache"]["point"]["frame"], rows["cache"]["point"]["share"]), (4, 0.1))
+
+    def test_front_has_what_nothing_beats(self):
+        points = [row("cache", 3, 0.01), row("estimate", 4, 0.02), row("selection", 2, 0.015),
+                  row("adaptive", 0.9, 0.001), row("bdpt", 9, 0.001), row("limit", 20, 0),
+                  row("selection", 5, 0, served="exact")]
+        self.assertEqual([r["labels"]["method"] for r in best(points)], ["estimate", "cache"])
+
+    def test_where_the_cache_loses_is_said(self):
+        def cache(frame, error=0.01):
+            return row("cache", frame, error)
+
+        selection, estimate = row("selection", 3, 0.01), row("estimate", 4, 0.01)
+        for points, said in (([cache(4), selection], "None"), ([cache(2), row("selection", 3, 0.03)], "None"),
+                             ([cache(2), selection], "<b>the cache loses</b>: fastest is stochastic"),
+                             ([selection], "nothing that uses the cache gets there"),
+                             ([cache(2), selection, estimate], "plain cache loses to stochastic"),
+                             ([cache(0.8), estimate], "plain cache is slower than exact"),
+                             ([cache(0.8)], "nothing is faster than exact"),
+                             ([cache(2, 0.05)], "nothing that was tried gets there")):
+            self.assertIn(said, str(Entry({r["id"]: r for r in points}, "room", 0.02).sentence()))
 
 
 class Plots(unittest.TestCase):

@@ -72,7 +72,7 @@ def caption_of(points, scene):
             f"frame; with visibility for nothing it would be {number(base, 'point.frame', 'times')} as fast " \
             "(measured: the time of its shadow rays taken away). Methods that shade fewer lights or share shading " \
             "between paths can be faster than that. Exact against itself came out as " \
-            f"{number(base, 'point.noise', 'times')}: so far are times to be believed."
+            f"{number(base, 'point.noise', 'times')}: by so much the clock may be wrong."
     if any(r["labels"]["method"] == "bdpt" for r in points):
         words += " Bidirectional path tracing is compared with its own exact frame, which is another picture."
     return words
