@@ -178,7 +178,9 @@ class Report(unittest.TestCase):
     def test_interrupted_it_goes_on(self):
         with tempfile.TemporaryDirectory() as out:
             words = self.words("--out", out, "--only", "curves")
-            process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                       # a shell in the background has its jobs ignore it
+                                       preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
             path, end = os.path.join(out, "rows.jsonl"), time.monotonic() + 120
             while time.monotonic() < end and not (os.path.exists(path) and os.path.getsize(path)):
                 time.sleep(0.01)
