@@ -126,12 +126,12 @@ class Report(unittest.TestCase):
                        lambda t: t.replace("</figcaption>", " 17 times</figcaption>", 1),
                        lambda t: re.sub(r'(data-y="\S+ )(\d)', other_digit, t, count=1),
                        lambda t: t.replace('data-row="curves/', 'data-row="curve/', 1)):
-            page = Page({**rows, "curve/cornell/cache/8": {}})
+            page = Page(rows)
             self.assertNotEqual(change(text), text)
             try:
                 page.feed(change(text))
             except KeyError:
-                continue
+                continue  # a row that is not there
             self.assertNotEqual(page.wrong, [])
 
     def test_figures_make_sense(self):
