@@ -14,13 +14,12 @@ SCENE is a built-in one, or conference-24 and -192: FOLDER/conference/conference
 Errors are of the luminance of pixels, relative to the exact one. Build first: meson setup build && ninja -C build.
 """
 import csv
-import json
 import os
-import struct
 import sys
 import tempfile
 
 sys.dont_write_bytecode = True
+import glb
 from adaptive_plot import plot
 from scenes import ROOT, Failure, Parser, public, run, run_main, table
 
@@ -43,9 +42,7 @@ COLUMNS = ["case", "scene", "lights", "width", "height", "mode", "tolerance", "c
 
 def divided(source, out):
     """A copy of a .glb in which 4 x 2 lights stand around each punctual one, as bright as it together."""
-    data = open(source, "rb").read()
-    length, = struct.unpack_from("<I", data, 12)
-    scene = json.loads(data[20:20 + length])
+    scene, rest = glb.read(source)
     nodes, lights = scene["nodes"], scene["extensions"]["KHR_lights_punctual"]["lights"]
     for light in lights:
         light["intensity"] = light.get("intensity", 1) / 8
@@ -63,11 +60,7 @@ def divided(source, out):
             else:
                 owner.append(len(nodes))
                 nodes.append(copy)
-    text = json.dumps(scene).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + length:]
-    out.write(struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest)
-    out.flush()
+    glb.write(out, scene, rest)
 
 
 def is_file(scene):

@@ -15,13 +15,12 @@ Groups of cases (--list shows all):
 FOLDER holds NAME/NAME.glb and hdri/. Build first: meson setup build && ninja -C build.
 """
 import csv
-import json
 import os
-import struct
 import sys
 import tempfile
 
 sys.dont_write_bytecode = True
+import glb
 from scenes import ROOT, Failure, Parser, missing_file, public, run, run_main, scene_words, table
 
 SCENES = ["cornell", "kitchen", "living-room", "conference", "san-miguel"]
@@ -89,20 +88,14 @@ def depth(a, scene, edges):
 
 def with_roughness(source, roughness, out):
     """A copy of a .glb whose opaque materials all have this roughness."""
-    data = open(source, "rb").read()
-    length, = struct.unpack_from("<I", data, 12)
-    scene = json.loads(data[20:20 + length])
+    scene, rest = glb.read(source)
     for m in scene.get("materials", []):
         if "KHR_materials_transmission" in m.get("extensions", {}):
             continue
         pbr = m.setdefault("pbrMetallicRoughness", {})
         pbr["roughnessFactor"] = roughness
         pbr.pop("metallicRoughnessTexture", None)
-    text = json.dumps(scene).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + length:]
-    out.write(struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest)
-    out.flush()
+    glb.write(out, scene, rest)
 
 
 def gloss(a, scene, roughness):

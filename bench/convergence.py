@@ -128,11 +128,11 @@ def measure(a, scene, references, method, value, spp):
     return row
 
 
-def front(points):
+def front(points, time="frame_s", error="rel_mse"):
     """Those that no other beats in time and error, fastest first."""
     kept = []
-    for p in sorted(points, key=lambda p: (p["frame_s"], p["rel_mse"])):
-        if not kept or p["rel_mse"] < kept[-1]["rel_mse"]:
+    for p in sorted(points, key=lambda p: (p[time], p[error])):
+        if not kept or p[error] < kept[-1][error]:
             kept.append(p)
     return kept
 

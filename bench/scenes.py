@@ -19,15 +19,19 @@ class Failure(Exception):
     pass
 
 
+def is_builtin(scene):
+    return scene in BUILTIN or scene.startswith("conference-lights")
+
+
 def scene_words(a, scene):
     """The scene on whitted's command line: its file, and the options that belong to it."""
     options = [os.path.join(a.scenes, o) if o.startswith("hdri/") else o for o in OF_SCENE.get(scene, [])]
-    return [scene if scene in BUILTIN else os.path.join(a.scenes, scene, scene + ".glb")] + options
+    return [scene if is_builtin(scene) else os.path.join(a.scenes, scene, scene + ".glb")] + options
 
 
 def missing_file(a, scene):
     """The path of what this scene lacks, None where all is there."""
-    files = [] if scene in BUILTIN else [f"{scene}/{scene}.glb"]
+    files = [] if is_builtin(scene) else [f"{scene}/{scene}.glb"]
     files += [o for o in OF_SCENE.get(scene, []) if o.startswith("hdri/")]
     lacking = next((f for f in files if not os.path.exists(os.path.join(a.scenes, f))), None)
     return lacking and os.path.join(a.scenes, lacking)
@@ -57,13 +61,14 @@ def table(columns, rows):
 class Parser(argparse.ArgumentParser):
     """With the options of all."""
 
-    def __init__(self, text):
+    def __init__(self, text, csv=True):
         super().__init__(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
         self.add_argument("--scenes", default=os.path.join(ROOT, "..", "shared", "scenes"))
         self.add_argument("--whitted", default=os.path.join(ROOT, "build", "renderers", "whitted", "whitted"))
         self.add_argument("--list", action="store_true", help="names of the cases")
         self.add_argument("--filter", default="", help="only cases whose name matches this regular expression")
-        self.add_argument("--csv", help="file for all figures")
+        if csv:
+            self.add_argument("--csv", help="file for all figures")
         self.add_argument("--quick", action="store_true", help="tiny images: do the command lines work?")
 
     def error(self, text):

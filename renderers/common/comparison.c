@@ -2,6 +2,7 @@
 /* The course of a run; see comparison.h. */
 #include "comparison_internal.h"
 
+#include "flip.h"
 #include "interrupt.h"
 
 #include <stdlib.h>
@@ -78,8 +79,15 @@ const image *frame_lit(const frame *f)
     return f->lit.pixels ? &f->lit : &f->image;
 }
 
+float frame_exposure(const frame *f)
+{
+    return image_exposure(frame_lit(f));
+}
+
 static void comparison_free(comparison *c)
 {
+    free(c->flip_map);
+    c->flip_map = NULL;
     frame_free(&c->exact_frame);
     frame_free(&c->mode_frame);
 }
@@ -136,7 +144,10 @@ static bool run_pairs(comparison *c, int runs, message *err)
     }
     if (ok && c->runs > 0) {
         c->lit = image_compare(frame_lit(&c->mode_frame), frame_lit(&c->exact_frame));
-        c->whole = image_compare(&c->mode_frame.image, &c->exact_frame.image);
+        const image *test = &c->mode_frame.image, *exact = &c->exact_frame.image;
+        c->whole = image_compare(test, exact);
+        c->flip_map = xmalloc((size_t)exact->width * exact->height * sizeof *c->flip_map);
+        c->flip = flip_ldr(test, exact, frame_exposure(&c->exact_frame), c->flip_map);
     }
     return ok;
 }
@@ -151,10 +162,15 @@ static bool run_single(comparison *c, message *err)
 
 static void compare_with(comparison *c, const image *reference)
 {
-    if (c->exact_frame.complete)
+    float exposure = image_exposure(reference);
+    if (c->exact_frame.complete) {
         c->exact_reference = image_compare(&c->exact_frame.image, reference);
-    if (c->mode_frame.complete)
+        c->exact_reference_flip = flip_ldr(&c->exact_frame.image, reference, exposure, NULL);
+    }
+    if (c->mode_frame.complete) {
         c->mode_reference = image_compare(&c->mode_frame.image, reference);
+        c->mode_reference_flip = flip_ldr(&c->mode_frame.image, reference, exposure, NULL);
+    }
 }
 
 static bool write_files(const comparison *c, message *err)

@@ -49,15 +49,9 @@ static image signed_error(const comparison *c)
     return out;
 }
 
-/* Emitters and sky may blow out; what is lit must be seen. */
-static float exposure_of(const frame *f)
-{
-    return image_exposure(frame_lit(f));
-}
-
 bool comparison_picture(const comparison *c, const char *path, message *err)
 {
-    float exposure = exposure_of(&c->exact_frame);
+    float exposure = frame_exposure(&c->exact_frame);
     image error = image_difference(&c->mode_frame.image, &c->exact_frame.image, 8.0f * exposure);
     for (size_t i = 0; i < (size_t)error.width * error.height; i++)
         error.pixels[i] = v3_scale(error.pixels[i], 1.0f / exposure); /* its colours are final */
@@ -76,7 +70,7 @@ bool comparison_save(const comparison *c, const char *path, message *err)
     image_texts t;
     describe(c, &t);
     if (has_extension(path, ".png"))
-        return png_save(path, &f->image, exposure_of(f), t.items, (size_t)t.count, err);
+        return png_save(path, &f->image, frame_exposure(f), t.items, (size_t)t.count, err);
 
     exr_channel channels[16];
     size_t n = 0;
@@ -93,6 +87,8 @@ bool comparison_save(const comparison *c, const char *path, message *err)
     for (size_t i = 0; i < sizeof layers / sizeof *layers; i++)
         for (int k = 0; k < 3 && layers[i].image->pixels; k++)
             channels[n++] = (exr_channel){layers[i].names[k], &layers[i].image->pixels[0].x + k, 3};
+    if (c->flip_map)
+        channels[n++] = (exr_channel){"flip.Y", c->flip_map, 1};
     if (f->depth)
         channels[n++] = (exr_channel){"depth.Z", f->depth, 1};
     if (f->traced_share)

@@ -17,9 +17,12 @@ typedef struct comparison {
     times exact[RUNS_MAX], mode[RUNS_MAX];
     frame exact_frame, mode_frame; /* the last complete pair; without one what was begun, else empty */
     image_error lit, whole;        /* over shadow-tested radiance, and with what is seen directly */
+    double flip;                   /* of whole images as a picture shows them */
+    float *flip_map;               /* NULL: nothing is compared */
     double mispredicted;           /* share of the asked; < 0: unknown */
     image_error exact_reference,
         mode_reference; /* of whole images against --reference, where their frame is complete */
+    double exact_reference_flip, mode_reference_flip;
 } comparison;
 
 bool frame_begun(const frame *f);
@@ -27,6 +30,8 @@ bool frame_begun(const frame *f);
 const frame *comparison_frame(const comparison *c);
 /* What errors and exposure are counted over. */
 const image *frame_lit(const frame *f);
+/* Emitters and sky may blow out; what is lit must be seen. */
+float frame_exposure(const frame *f);
 
 /* Medians over the pairs; the ratio exact / mode is the median of the ratios of the pairs, with the smallest and the
  * largest. Without pairs the times of the frame. */

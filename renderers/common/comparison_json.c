@@ -71,6 +71,7 @@ static void add_differences(cJSON *j, const comparison *c)
     json_add_number(error, "max", c->lit.max);
     json_add_number(error, "mean_relative", c->lit.mean_relative);
     json_add_number(error, "max_relative", c->lit.max_relative);
+    json_add_number(error, "flip", c->flip);
     json_add_number(error, "mispredicted", c->mispredicted >= 0.0 ? c->mispredicted : (double)NAN);
     cJSON *s = cJSON_AddObjectToObject(j, "speedup");
     double low, high;
@@ -84,7 +85,7 @@ static void add_differences(cJSON *j, const comparison *c)
     json_add_number(s, "rays", comparison_ray_ratio(c));
 }
 
-static void add_reference_error(cJSON *reference, const char *name, const frame *f, const image_error *e)
+static void add_reference_error(cJSON *reference, const char *name, const frame *f, const image_error *e, double flip)
 {
     if (!f->complete)
         return;
@@ -93,6 +94,7 @@ static void add_reference_error(cJSON *reference, const char *name, const frame 
     json_add_number(j, "rel_mse", e->rel_mse);
     json_add_number(j, "p999", e->p999);
     json_add_number(j, "max", e->max);
+    json_add_number(j, "flip", flip);
 }
 
 /* Frames as they are named in the whole; none where nothing is complete. */
@@ -100,8 +102,8 @@ static void add_reference(cJSON *j, const comparison *c)
 {
     cJSON *reference = cJSON_AddObjectToObject(j, "reference");
     cJSON_AddStringToObject(reference, "file", c->arguments->reference);
-    add_reference_error(reference, "exact", &c->exact_frame, &c->exact_reference);
-    add_reference_error(reference, "mode_run", &c->mode_frame, &c->mode_reference);
+    add_reference_error(reference, "exact", &c->exact_frame, &c->exact_reference, c->exact_reference_flip);
+    add_reference_error(reference, "mode_run", &c->mode_frame, &c->mode_reference, c->mode_reference_flip);
 }
 
 static bool text_save(const char *path, const char *text, message *err)

@@ -54,8 +54,9 @@ static void print_pair(const comparison *c, FILE *out)
         fprintf(out, "(%.2f ... %.2f in %d pairs)", low, high, c->runs);
     double shade = comparison_ratio(c, true, &low, &high);
     fprintf(out, "  shading %8.2f x   shadow rays %15.2f x\n", shade, comparison_ray_ratio(c));
-    fprintf(out, "difference          l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f",
-            100.0 * c->lit.l_inf, 100.0 * c->whole.l_inf, c->lit.rel_mse, c->lit.p999, c->lit.max);
+    fprintf(out,
+            "difference          l_inf %.3f %% (whole image %.3f %%)   relMSE %.3g   p99.9 %.3f   max %.3f   FLIP %.4f",
+            100.0 * c->lit.l_inf, 100.0 * c->whole.l_inf, c->lit.rel_mse, c->lit.p999, c->lit.max, c->flip);
     if (c->mispredicted >= 0.0)
         fprintf(out, "   mispredicted %.3f %%", 100.0 * c->mispredicted);
     fputc('\n', out);

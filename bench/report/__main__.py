@@ -1,0 +1,160 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Speed against error: renders scenes by every method and writes a page, plots and figures.
+
+    ./report [--quick] [--scenes FOLDER] [--out FOLDER] [--only SECTION]
+
+OUT/index.html is the page (all within one file), OUT/plots/*.svg and OUT/pictures/*.png its parts, OUT/rows.csv and
+rows.json all figures. Cases run one after another; OUT/rows.jsonl keeps a row of each, so that an interrupted report
+goes on where it was when it is started again, and what a changed program or command made is rendered anew.
+
+FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in scenes alone are rendered. Sections:
+  curves     speed against error of all methods, by scene (and the table at the top)
+  lights     speed and error over C_E by kind of light
+  converged  error against the converged image over time
+  pictures   where images are wrong, and how it looks; of the images of `curves`
+"""
+import csv
+import json
+import os
+import platform
+import sys
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+from report import converged, curves, headline, lights, made, pictures
+from report.cases import all_cases, present
+from report.levels import LEVELS
+from report.methods import add_points
+from report.page import page
+from report.runner import Programs, Rows, run_all
+from scenes import ROOT, Failure, Parser, is_builtin, missing_file, run_main
+
+# Anchor; module with TITLE and section(a, rows), which gives HTML; whose rows it shows (labels["section"] of cases.py).
+SECTIONS = [("headline", headline, "curves"), ("curves", curves, "curves"), ("lights", lights, "lights"),
+            ("converged", converged, "converged"), ("pictures", pictures, "pictures")]
+
+
+def parse():
+    parser = Parser(__doc__, csv=False)
+    parser.prog = "report"
+    parser.add_argument("--bdpt", default=os.path.join(ROOT, "build", "renderers", "bdpt", "bdpt"))
+    parser.add_argument("--zoom", default=os.path.join(ROOT, "build", "bench", "zoom"))
+    parser.add_argument("--out", help="folder to write (default: out/report, out/report-quick)")
+    parser.add_argument("--only", metavar="SECTION", help="cases of one section alone")
+    parser.add_argument("--threads", type=int, default=1, help="of each renderer, which run one at a time (default 1)")
+    parser.add_argument("--runs", type=int, help="pairs of frames, of which medians are taken (default 1)")
+    parser.add_argument("--tiny", action="store_true", help="smaller still than --quick: does the report work?")
+    a = parser.parse()
+    if not 0 <= a.threads <= 1024:
+        parser.error(f"--threads takes 0 ... 1024, not {a.threads}")
+    if a.runs is not None and not 1 <= a.runs <= 99:
+        parser.error(f"--runs takes 1 ... 99, not {a.runs}")
+    sections = list(dict.fromkeys(s for _, _, s in SECTIONS))
+    if a.only and a.only not in sections:
+        parser.error(f"--only takes {', '.join(sections)}, not {a.only}")
+    a.level_name = "tiny" if a.tiny else "quick" if a.quick else "full"
+    a.level = LEVELS[a.level_name]
+    a.level.runs = a.runs or a.level.runs
+    a.out = a.out or os.path.join(ROOT, "out", "report" if a.level_name == "full" else f"report-{a.level_name}")
+    a.scenes, a.out = (os.path.abspath(f) for f in (a.scenes, a.out))
+    a.quiet = False
+    for program in (a.whitted, a.bdpt, a.zoom):
+        if not os.access(program, os.X_OK):
+            parser.error(f"{program}: not there; meson setup build && ninja -C build")
+    return parser, a
+
+
+def machine():
+    """The processor, as it calls itself."""
+    try:
+        with open("/proc/cpuinfo") as f:
+            model = next(line.split(":", 1)[1].strip() for line in f if line.startswith("model name"))
+    except (OSError, StopIteration):
+        model = platform.processor() or platform.machine()
+    return f"{model}, {os.cpu_count()} CPUs"
+
+
+def find_scenes(parser, a):
+    usual = a.scenes == os.path.abspath(parser.get_default("scenes"))
+    if not any(not missing_file(a, s) for s in LEVELS["full"].scenes if not is_builtin(s)):
+        if not usual:
+            parser.error(f"--scenes {a.scenes}: no scene NAME/NAME.glb in it")
+        print("report: no folder of scenes (--scenes FOLDER): built-in scenes alone", file=sys.stderr)
+    a.present = lambda scenes: present(a, scenes)
+
+
+def open_folder(parser, a):
+    """What is written into."""
+    try:
+        for folder in ("plots", "pictures", "images", "made"):
+            os.makedirs(os.path.join(a.out, folder), exist_ok=True)
+        with open(os.path.join(a.out, "rows.jsonl"), "ab"):
+            pass
+    except OSError as e:
+        parser.error(f"--out {a.out}: {e.strerror}")
+    a.machine = machine()
+    made.make(a, a.level)
+
+
+def flat(value, prefix=""):
+    if isinstance(value, dict):
+        return {k: v for key, inner in value.items() for k, v in flat(inner, f"{prefix}{key}.").items()}
+    return {prefix[:-1]: " ".join(map(str, value)) if isinstance(value, list) else value}
+
+
+def write(a, rows):
+    """Page and figures from what rows there are."""
+    add_points(rows)
+    sections = [(anchor, module.TITLE, module.section(a, rows)) for anchor, module, of in SECTIONS
+                if any(r["labels"]["section"] == of for r in rows.values())]
+    with open(os.path.join(a.out, "rows.json"), "w") as f:
+        json.dump(list(rows.values()), f, indent=1)
+    lines = [flat(r) for r in rows.values()]
+    with open(os.path.join(a.out, "rows.csv"), "w", newline="") as f:
+        writer = csv.DictWriter(f, list(dict.fromkeys(k for line in lines for k in line)), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines)
+    path = os.path.join(a.out, "index.html")
+    with open(path + ".part", "w") as f:
+        f.write(page(a, sections))
+    os.replace(path + ".part", path)
+    return path
+
+
+def main():
+    parser, a = parse()
+    find_scenes(parser, a)
+    cases = all_cases(a, a.level)
+    chosen = [c for c in cases if a.filter.search(c.id) and a.only in (None, c.labels["section"])]
+    if a.list:
+        print("\n".join(c.id for c in chosen))
+        return
+    if not chosen:
+        parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
+    open_folder(parser, a)
+    programs = Programs({p: os.path.abspath(getattr(a, p)) for p in ("whitted", "bdpt", "zoom")})
+    try:
+        rows = Rows(a, programs, cases)
+    except Failure as e:
+        parser.error(str(e))
+    interrupted, failed = False, []
+    try:
+        failed = run_all(a, programs, chosen, rows)
+    except KeyboardInterrupt:
+        interrupted = True
+    valid = {c.id: rows.get(c) for c in cases}
+    valid = {i: r for i, r in valid.items() if r}
+    path = write(a, valid)
+    print(path)
+    if interrupted:
+        done = sum(c.id in valid for c in chosen)
+        print(f"report: interrupted; {done} of {len(chosen)} cases are done and kept: the same command goes on",
+              file=sys.stderr)
+        sys.exit(130)
+    if failed:
+        parser.error(f"{len(failed)} cases failed; the same command tries them again")
+
+
+if __name__ == "__main__":
+    run_main(main)

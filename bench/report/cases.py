@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one list of all cases: what is rendered for which section. How much of it: levels.py."""
+import os
+
+import convergence
+from report import made
+from report.runner import Case
+from scenes import is_builtin, missing_file, scene_words
+
+# Environments as directional lights, which are what the grid decides: outdoors, and in rooms lit through windows.
+BY_SKY = ["atrium", "shapes", "dominoes", "plant", "living-room", "san-miguel", "hair-straight"]
+OWN_SKY = ["atrium"]
+
+# --visibility and the knob of each method
+HOW = {"cache": lambda v: ["--visibility", "cache", "--ce", v],
+       "cache-unrefined": lambda v: ["--visibility", "cache", "--ce", v, "--refine", "1"],
+       "cache-words": lambda v: ["--visibility", "cache", "--ce", v, "--store", "words"],
+       "estimate": lambda v: ["--visibility", "estimate", "--select", v],
+       "cached-selection": lambda v: ["--visibility", "cache", "--select", v],
+       "selection": lambda v: ["--visibility", "exact", "--select", v],
+       "adaptive": lambda v: ["--visibility", "adaptive", "--tolerance", v],
+       "adaptive-cache": lambda v: ["--visibility", "adaptive-cache", "--tolerance", v],
+       "grid": lambda v: ["--visibility", f"grid={v}"]}
+
+
+def word(value):
+    return f"{value:g}" if isinstance(value, (int, float)) else value
+
+
+def alone(a, words):
+    return [*words, "--threads", str(a.threads), "--quiet", "--json", "-"]
+
+
+def compare(a, words, runs):
+    return [*words, "--threads", str(a.threads), "--compare", "--runs", str(runs), "--quiet", "--json", "-"]
+
+
+def cost(level, spp, lights, frames):
+    """About how long frames take, in any unit: for the time that is left."""
+    width, height = map(int, level.size.split("x"))
+    return width * height * spp * (lights + 30) * frames / 1e8 + 0.3
+
+
+def sky(a, scene):
+    """An environment for what has none: the maps' folder, or one that the report makes."""
+    if scene not in BY_SKY or scene in OWN_SKY or "--env" in scene_words(a, scene):
+        return []
+    path = os.path.join(a.scenes, "hdri", "kloppenheim_05_1k.hdr")
+    return ["--env", path if os.path.exists(path) else "made/sun.hdr"]
+
+
+def setting(a, level, scene, vpls=None, spp=None):
+    """A scene and its lights: whole frames as they come, but for skies as lights."""
+    words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", str(spp or level.spp),
+             "--vpls", str(level.vpls if vpls is None else vpls)]
+    return words + (["--env-lights", str(level.env_lights)] if scene in BY_SKY else [])
+
+
+def curve_image(scene, method):
+    return f"images/curves-{scene}-{method}.exr"
+
+
+def curves(a, level):
+    full = cost(level, level.spp, level.vpls, level.runs)
+    for scene in a.present(level.scenes):
+        base, image = f"curves/{scene}/exact", curve_image(scene, "exact")
+        yield Case(base, compare(a, setting(a, level, scene) + ["--visibility", "exact", "-o", image], level.runs),
+                   {"section": "curves", "scene": scene, "method": "limit", "value": ""}, makes=(image,), cost=2 * full)
+        for method, values in level.sweeps.items():
+            if method == "grid" and scene not in BY_SKY:
+                continue
+            for value in values:
+                labels = {"section": "curves", "scene": scene, "method": method, "value": value, "base": base}
+                case = Case(f"curves/{scene}/{method}/{word(value)}", [], labels, cost=1.4 * full)
+                if method == "fewer":
+                    labels["value"] = level.vpls // value
+                    words = setting(a, level, scene, level.vpls // value)
+                    case.words = alone(a, words + ["--visibility", "exact", "--reference", image])
+                    case.needs, case.cost = (base,), cost(level, level.spp, level.vpls // value, 1)
+                elif method == "bdpt":
+                    spp = str(level.bdpt_spp)
+                    words = ["bdpt", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", spp,
+                             "--epoch", spp]
+                    case.words = compare(a, words + HOW["cache"](word(value)), 1)
+                else:
+                    case.words = compare(a, setting(a, level, scene) + HOW[method](word(value)), level.runs)
+                if level.pictures.get(method) == value:
+                    case.makes = (curve_image(scene, method),)
+                    case.words += ["-o", *case.makes]
+                yield case
+
+
+def kinds(a, level):
+    """Kinds of light: name, scene, whitted's words for it without C_E, the options that take C_E, hard or soft."""
+    delta = [made.SOURCE] if level.real_lights else []
+    if a.present(delta):
+        yield ("points and a sun", made.SOURCE, ["whitted", "made/delta.glb", "--vpls", "0", "--light-samples", "0"],
+               ["--ce-delta"], "hard")
+    yield ("spots", "conference-lights", ["whitted", "conference-lights", "--vpls", "0"], ["--ce-delta"], "hard")
+    for scene in a.present(["kitchen"] if level.real_lights else []) or ["cornell"]:
+        yield ("area lights", scene, ["whitted", *scene_words(a, scene), "--vpls", "0", "--light-samples",
+                                      str(level.light_samples)], ["--ce-samples"], "soft")
+    for scene in a.present(["living-room", "san-miguel"] if level.real_lights else []) or ["shapes"]:
+        words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--vpls", str(level.vpls), "--env-lights",
+                 str(level.env_lights)]
+        yield ("sky and virtual lights", scene, words, ["--ce", "--ce-delta"], "soft")
+    for scene in a.present(["hair-straight"] if level.real_lights else []):
+        yield ("hair", scene, ["whitted", *scene_words(a, scene), "--vpls", str(level.vpls // 4), "--env-lights",
+                               str(level.env_lights // 4)], ["--ce", "--ce-delta"], "soft")
+
+
+def lights(a, level):
+    for kind, scene, words, knobs, range_of in kinds(a, level):
+        for aliased, spp in ((0, level.spp), (1, 1)):
+            for value in level.ranges[range_of][aliased]:
+                given = ["--size", level.size, "--spp", str(spp), "--visibility", "cache"]
+                given += [w for k in knobs for w in (k, word(value))]
+                yield Case(f"lights/{kind.replace(' ', '-')}/{scene}/{spp}spp/{word(value)}",
+                           compare(a, words + given, level.runs),
+                           {"section": "lights", "kind": kind, "scene": scene, "method": "cache", "value": value,
+                            "anti_aliased": not aliased}, cost=cost(level, spp, level.vpls, 1.4 * level.runs))
+
+
+def converged(a, level):
+    for scene in a.present(level.converged):
+        base, image = f"converged/{scene}/reference", f"images/converged-{scene}.exr"
+        labels = {"section": "converged", "scene": scene, "method": "reference", "value": level.reference_spp}
+        how = ["--visibility", "exact", "--select", "8", "-o", image]
+        yield Case(base, alone(a, setting(a, level, scene, spp=level.reference_spp) + how), labels, makes=(image,),
+                   cost=cost(level, level.reference_spp, 8, 1))
+        for method, (options, knob, _, paths) in convergence.METHODS.items():
+            for value in level.converged_knobs[method]:
+                every = method in ("exact", "cache")
+                most = level.reference_spp // convergence.SHARED // (4 if every else 1)
+                for spp in (p for p in paths if p <= most):
+                    words = setting(a, level, scene, spp=spp) + options + ([knob, word(value)] if knob else [])
+                    labels = {"section": "converged", "scene": scene, "method": method,
+                              "value": "" if value is None else value, "spp": spp, "base": base}
+                    yield Case(f"converged/{scene}/{method}/{word(value or 'all')}/{spp}spp",
+                               alone(a, words + ["--reference", image]), labels, (base,),
+                               cost=cost(level, spp, level.vpls if every else value, 1))
+
+
+def pictures(a, level):
+    for scene in a.present(level.scenes):
+        exact = curve_image(scene, "exact")
+        for method, value in level.pictures.items():
+            prefix = f"pictures/{scene}-{method}"
+            yield Case(f"pictures/{scene}/{method}", ["zoom", exact, curve_image(scene, method), prefix],
+                       {"section": "pictures", "scene": scene, "method": method, "value": value},
+                       (f"curves/{scene}/exact", f"curves/{scene}/{method}/{word(value)}"),
+                       tuple(f"{prefix}-{what}.png" for what in ("exact", "other", "error", "flip")), 0.3)
+
+
+# A section adds its generator here; each takes the options and the level and yields its cases.
+ALL = [curves, lights, converged, pictures]
+
+
+def all_cases(a, level):
+    return [c for generate in ALL for c in generate(a, level)]
+
+
+def present(a, scenes):
+    """Of the scenes those that are there."""
+    return [s for s in scenes if is_builtin(s) or not missing_file(a, s)]

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Speed against error of every method, a plot for each scene."""
+from convergence import front
+from report.methods import METHODS, name_of, stepped_aside
+from report.page import FORMATS, attributes, figure, name, number, save_plot, setting, table
+from report.svg import Plot, Series
+
+TITLE = "Speed against error"
+FLOOR = 2e-4  # errors below stand at the border
+PANELS = [("frame", "whole frame: times faster than exact", "times"),
+          ("shade", "shading alone: times faster", "times"),
+          ("share", "shadow rays traced, of those of exact", "share")]
+APART = ("limit", "bdpt")  # no rival of the others: bidirectional path tracing makes another picture
+
+
+def percents(value):
+    return f"{100 * value:g} %"
+
+
+def scenes_of(rows, section):
+    return list(dict.fromkeys(r["labels"]["scene"] for r in rows.values()
+                              if r["labels"]["section"] == section and "point" in r))
+
+
+def of_scene(rows, scene):
+    return [r for r in rows.values()
+            if r["labels"]["section"] == "curves" and r["labels"]["scene"] == scene and "point" in r]
+
+
+def best(points):
+    """What no other beats in speed and error, exact included."""
+    kept = [dict(row=r, time=1.0 / r["point"]["frame"], error=r["point"]["error"]) for r in points
+            if r["labels"]["method"] not in APART and not stepped_aside(r) and r["point"]["frame"] > 1.0]
+    return [k["row"] for k in front(kept, "time", "error")]
+
+
+def series_of(points, method, what, form):
+    """A method's points, joined from the least error to the largest; grid modes by their speed."""
+    m = METHODS[method]
+
+    def said(r):
+        aside = " (all lights traced)" if stepped_aside(r) else ""
+        return f'{name_of(r)}{aside}: {FORMATS[form](r["point"][what])} at {FORMATS["percent"](r["point"]["error"])}'
+
+    own = [r for r in points if r["labels"]["method"] == method and r["point"].get(what)]
+    own.sort(key=lambda r: r["point"][what] if method == "grid" else (r["point"]["error"], r["point"][what]))
+    places = [(r["point"]["error"], r["point"][what], attributes(r, x="point.error", y=f"point.{what}"), said(r))
+              for r in own]
+    return Series(m.name, places, m.colour, m.shape, m.hollow, m.dashed)
+
+
+def plot(points, what, title, form, large):
+    size = (860, 520, 13) if large else (560, 400, 12)
+    p = Plot("error: l_inf, of the light that is shadow-tested", title, *size, x_label=percents,
+             y_label=percents if form == "share" else lambda v: f"{v:g}x", floor=FLOOR)
+    p.series = [s for s in (series_of(points, m, what, form) for m in METHODS if m != "limit") if s.points]
+    if form != "share":
+        p.horizontal.append((1.0, "as fast as exact"))
+        p.horizontal += [(r["point"][what], "limit: every light shaded, no visibility") for r in points
+                         if r["labels"]["method"] == "limit"]
+    if what == "frame":
+        p.front = [(r["point"]["error"], r["point"][what]) for r in best(points)]
+    p.vertical = [(0.01, percents(0.01)), (0.02, percents(0.02))]
+    return p.svg()
+
+
+def caption_of(points, scene):
+    base = next((r for r in points if r["labels"]["method"] == "limit"), None)
+    if not base:
+        return f"{name(scene)}: {setting(points[0])}."
+    words = f"{name(scene)}: {setting(base)}. Exact takes {number(base, 'figures.exact.frame_s', 'seconds')} a " \
+            f"frame; with visibility for nothing it would be {number(base, 'point.frame', 'times')} as fast " \
+            "(measured: the time of its shadow rays taken away). Methods that shade fewer lights or share shading " \
+            "between paths can be faster than that. Exact against itself came out as " \
+            f"{number(base, 'point.noise', 'times')}: by so much the clock may be wrong."
+    if any(r["labels"]["method"] == "bdpt" for r in points):
+        words += " Bidirectional path tracing is compared with its own exact frame, which is another picture."
+    return words
+
+
+def scene_section(a, rows, scene):
+    points = of_scene(rows, scene)
+    plots = [save_plot(a, f"curves-{scene}-{what}.svg", plot(points, what, title, form, what == "frame"))
+             for what, title, form in PANELS]
+    of_front = table([("nothing beats", lambda r: name(name_of(r))),
+                      ("faster", lambda r: number(r, "point.frame", "times")),
+                      ("shading", lambda r: number(r, "point.shade", "times")),
+                      ("rays", lambda r: number(r, "point.share", "share")),
+                      ("l_inf", lambda r: number(r, "point.error", "percent")),
+                      ("FLIP", lambda r: number(r, "point.flip", "flip"))], best(points))
+    inside = plots[0] + f'<div class="row">{plots[1]}{plots[2]}</div>' + of_front
+    return f"<h3>{name(scene)}</h3>" + figure(inside, caption_of(points, scene), points)
+
+
+def section(a, rows):
+    return "\n".join(scene_section(a, rows, s) for s in scenes_of(rows, "curves"))

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plain cache over C_E by kind of light, with anti-aliasing and without (Popov et al. 2013, Fig. 7)."""
+from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
+from report.svg import Plot, Series
+
+TITLE = "By kind of light, over C_E"
+SPEED = [("ray_reduction", "rays", "#0072b2", "square"), ("shade", "shading", "#009e73", "diamond"),
+         ("frame", "whole frame", "#d55e00", "circle")]
+ERROR = [("error", "l_inf", "#d55e00", "circle"), ("mispredicted", "mispredicted", "#777777", "down"),
+         ("flip", "FLIP", "#b0508a", "up")]
+COLUMNS = [("paths a pixel", "figures.spp", "plain"), ("C_E", "labels.value", "plain"),
+           ("rays", "point.ray_reduction", "times"), ("frame", "point.frame", "times"),
+           ("shading", "point.shade", "times"), ("l_inf", "point.error", "percent"),
+           ("mispredicted", "point.mispredicted", "percent"), ("FLIP", "point.flip", "flip")]
+
+
+def plot(rows, what, title, form, y_label):
+    p = Plot("C_E: eye samples a cell side", title, 560, 400, 12, y_label=y_label)
+    for field, words, colour, shape in what:
+        for smooth in (True, False):
+            own = sorted((r for r in rows if r["labels"]["anti_aliased"] == smooth and r["point"].get(field)),
+                         key=lambda r: r["labels"]["value"])
+            points = [(r["labels"]["value"], r["point"][field],
+                       attributes(r, x="labels.value", y=f"point.{field}"),
+                       f'{words}, C_E = {r["labels"]["value"]:g}: {FORMATS[form](r["point"][field])}') for r in own]
+            if points:
+                words_of = words if smooth else f"{words}, one path"
+                p.series.append(Series(words_of, points, colour, shape, not smooth, not smooth))
+    if form == "times":
+        p.horizontal.append((1.0, "exact"))
+    return p.svg()
+
+
+def kind_section(a, kind, scene, own):
+    file_name = f"lights-{kind.replace(' ', '-')}-{scene}"
+    plots = [save_plot(a, f"{file_name}-speed.svg",
+                       plot(own, SPEED, "times fewer, times faster than exact", "times", lambda v: f"{v:g}x")),
+             save_plot(a, f"{file_name}-error.svg",
+                       plot(own, ERROR, "error", "percent", lambda v: f"{100 * v:g} %"))]
+    figures = table([(head, lambda r, f=f, form=form: number(r, f, form)) for head, f, form in COLUMNS], own)
+    best = max(own, key=lambda r: r["point"]["frame"])
+    speed, error = number(best, "point.frame", "times"), number(best, "point.error", "percent")
+    if best["point"]["frame"] < 1.0:
+        verdict = f"<b>The cache never pays here</b>: at best a frame is {speed} as fast."
+    else:
+        verdict = f"At best a frame is {speed} as fast, with an l_inf of {error}."
+    caption = f"{name(scene)}, {name(kind)}: {setting(own[0])}; filled: with anti-aliasing, hollow: one path a pixel. "
+    inside = f'<div class="row">{plots[0]}{plots[1]}</div><details><summary>figures</summary>{figures}</details>'
+    return f"<h3>{name(kind)}: {name(scene)}</h3>" + figure(inside, caption + verdict, own)
+
+
+def section(a, rows):
+    places = {}
+    for r in rows.values():
+        if r["labels"]["section"] == "lights":
+            places.setdefault((r["labels"]["kind"], r["labels"]["scene"]), []).append(r)
+    head = "<p>The plain cache, which answers every pair. Ranges of C_E are those of Popov et al. " \
+           f"{given('(2013)')}: hard shadows of points and suns show cells first, soft ones later. Rays: those of " \
+           "exact over those that were traced.</p>"
+    return head + "\n".join(kind_section(a, *place, own) for place, own in places.items())

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""bench/report: a small report, whose every number must come from a row, and how it goes on after a stop.
+Usage: report.py BENCH WHITTED BDPT ZOOM"""
+import html.parser
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import xml.dom.minidom
+
+BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys.argv[2:5]]
+sys.dont_write_bytecode = True
+sys.path.insert(0, BENCH)
+from report import methods, svg  # noqa: E402
+from report.curves import best  # noqa: E402
+from report.headline import Entry  # noqa: E402
+from report.page import FORMATS, lookup  # noqa: E402
+
+VOID = {"meta", "img", "input", "br", "link"}
+# digits that are no measurements: settings, axes, names, commands
+EXEMPT_TAGS = {"code", "style", "script", "title"}
+EXEMPT_CLASSES = {"given", "axis", "name"}
+
+
+class Page(html.parser.HTMLParser):
+    """Collects what is wrong with a page, given its rows by id."""
+
+    def __init__(self, rows):
+        super().__init__()
+        self.rows, self.stack, self.wrong, self.numbers, self.markers = rows, [], [], 0, 0
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        for row in attributes.get("data-row", "").split():
+            if row not in self.rows:
+                self.wrong.append(f"no row {row}")
+        for axis in ("data-x", "data-y"):
+            if axis in attributes:
+                field, value = attributes[axis].split(" ", 1)
+                self.markers += 1
+                if repr(lookup(self.rows[attributes["data-row"]], field)) != value:
+                    self.wrong.append(f"{attributes['data-row']}: {field} is not {value}")
+        if tag not in VOID:
+            self.stack.append((tag, attributes))
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            opened = self.stack.pop()[0]
+            if opened != tag:
+                self.wrong.append(f"<{opened}> ends as </{tag}>")
+
+    def handle_data(self, text):
+        tag, attributes = self.stack[-1] if self.stack else ("", {})
+        if tag == "data":
+            self.numbers += 1
+            value = lookup(self.rows[attributes["data-row"]], attributes["data-field"])
+            if str(value) != attributes["value"] or FORMATS[attributes["data-format"]](value) != text:
+                self.wrong.append(f"{attributes['data-row']}: {attributes['data-field']} is {value}, not {text}")
+        elif re.search(r"\d", text) and not any(t in EXEMPT_TAGS or EXEMPT_CLASSES & set((a.get("class") or "").split())
+                                                for t, a in self.stack):
+            self.wrong.append(f"a number from no row: {text.strip()}")
+        elif tag == "title" and len(self.stack) > 2 and self.stack[-2][1].get("data-row"):
+            row, (field, _) = self.rows[self.stack[-2][1]["data-row"]], self.stack[-2][1]["data-y"].split(" ", 1)
+            if not any(f(lookup(row, field)) in text for k, f in FORMATS.items() if k != "plain"):
+                self.wrong.append(f"{row['id']}: {text}")
+
+
+def read(path):
+    with open(path) as f:
+        return f.read()
+
+
+class Report(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.out = os.path.join(cls.folder.name, "report")
+        cls.first = cls.run_it()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def words(cls, *more):
+        programs = [w for p in zip(("--whitted", "--bdpt", "--zoom"), PROGRAMS) for w in p]
+        return [sys.executable, os.path.join(BENCH, "report"), "--tiny", *programs, "--out", cls.out, *more]
+
+    @classmethod
+    def run_it(cls, *more, status=0):
+        done = subprocess.run(cls.words(*more), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        if done.returncode != status:
+            raise AssertionError(f"{more}: {done.returncode}: {done.stderr}")
+        return done.stderr
+
+    def rows(self):
+        return {r["id"]: r for r in json.loads(read(os.path.join(self.out, "rows.json")))}
+
+    def test_every_number_is_that_of_a_row(self):
+        rows, text = self.rows(), read(os.path.join(self.out, "index.html"))
+        page = Page(rows)
+        page.feed(text)
+        self.assertEqual(page.wrong, [])
+        self.assertEqual(page.stack, [])
+        self.assertGreater(page.numbers, 100)
+        self.assertGreater(page.markers, 100)
+        self.assertNotRegex(text, r'(src|href)="(?!data:|#)')  # nothing outside of the page
+        self.assertNotIn(os.path.dirname(PROGRAMS[0]), text + json.dumps(rows))
+        for section in ("headline", "curves", "lights", "converged", "pictures"):
+            self.assertIn(f'<section id="{section}">', text)
+        for row in rows.values():
+            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "derived"))
+
+    def test_a_wrong_number_is_seen(self):
+        rows, text = self.rows(), read(os.path.join(self.out, "index.html"))
+
+        def other_digit(found):
+            return found.group(1) + str((int(found.group(2)) + 1) % 10)
+
+        for change in (lambda t: re.sub(r'(data-format="times">)(\d)', other_digit, t, count=1),
+                       lambda t: t.replace("</figcaption>", " 17 times</figcaption>", 1),
+                       lambda t: re.sub(r'(data-y="\S+ )(\d)', other_digit, t, count=1),
+                       lambda t: t.replace('data-row="curves/', 'data-row="curve/', 1)):
+            page = Page(rows)
+            self.assertNotEqual(change(text), text)
+            try:
+                page.feed(change(text))
+            except KeyError:
+                continue  # a row that is not there
+            self.assertNotEqual(page.wrong, [])
+
+    def test_figures_make_sense(self):
+        rows = self.rows().values()
+        curves = [r for r in rows if r["labels"]["section"] == "curves"]
+        self.assertGreater(sum(r["point"]["error"] > 0 for r in curves), 15)
+        for scene in ("cornell", "shapes"):  # what makes errors of whole images those of what is lit
+            errors = [r["figures"]["error"] for r in curves if r["labels"]["scene"] == scene and
+                      r["labels"]["method"] not in ("limit", "grid", "bdpt", "fewer") and r["point"]["error"] > 0]
+            for e in errors[1:]:
+                self.assertAlmostEqual(e["l_inf"] / e["l_inf_whole"], errors[0]["l_inf"] / errors[0]["l_inf_whole"], 4)
+        for r in curves:
+            self.assertIn("point", r)
+            if r["labels"]["method"] == "limit":
+                self.assertGreater(r["point"]["frame"], 1.0)
+            elif r["point"]["error"] > 0:
+                self.assertTrue(0 < r["point"]["flip"] < 0.5, r)
+        for r in rows:
+            if r["labels"]["section"] == "pictures":
+                blocks, width, height = (r["figures"][k] for k in ("blocks", "width", "height"))
+                self.assertEqual([b["flip"] for b in blocks], sorted((b["flip"] for b in blocks), reverse=True))
+                for i, b in enumerate(blocks):
+                    self.assertGreaterEqual(b["flip"], r["figures"]["flip"])  # worse than the mean
+                    self.assertTrue(b["x"] + b["side"] <= width and b["y"] + b["side"] <= height)
+                    for c in blocks[:i]:
+                        self.assertGreaterEqual(max(abs(b["x"] - c["x"]), abs(b["y"] - c["y"])), b["side"])
+
+    def test_parts_are_there(self):
+        for folder, end, least in (("plots", ".svg", 10), ("pictures", ".png", 16)):
+            names = [n for n in os.listdir(os.path.join(self.out, folder)) if n.endswith(end)]
+            self.assertGreaterEqual(len(names), least)
+        for name in os.listdir(os.path.join(self.out, "plots")):
+            xml.dom.minidom.parse(os.path.join(self.out, "plots", name))
+        lines = read(os.path.join(self.out, "rows.csv")).splitlines()
+        self.assertEqual(len(lines), len(self.rows()) + 1)
+
+    def test_what_is_there_is_not_run_again(self):
+        path = os.path.join(self.out, "rows.jsonl")
+        lines = read(path).splitlines(True)
+        self.assertIn(f"{len(lines)} of {len(lines)} cases are there already", self.run_it())
+        self.assertEqual(read(path), "".join(lines))
+        with open(path, "w") as f:  # one is lost, the last was cut off, one is not of this program
+            f.write("".join(lines[:5] + lines[6:-2]) + lines[-2].replace('"key": "', '"key": "x') + lines[-1][:40])
+        said = self.run_it()
+        self.assertIn(f"{len(lines) - 3} of {len(lines)} cases are there already", said)
+        self.assertEqual(said.count("\n["), 3, said)
+        self.assertEqual(*({json.loads(line)["id"] for line in some} for some in (read(path).splitlines(), lines)))
+
+    def test_interrupted_it_goes_on(self):
+        with tempfile.TemporaryDirectory() as out:
+            words = self.words("--out", out, "--only", "curves")
+            process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                       # a shell in the background has its jobs ignore it
+                                       preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+            path, end = os.path.join(out, "rows.jsonl"), time.monotonic() + 120
+            while time.monotonic() < end and not (os.path.exists(path) and os.path.getsize(path)):
+                time.sleep(0.01)
+            process.send_signal(signal.SIGINT)
+            said = process.communicate(timeout=60)[1]
+            self.assertEqual(process.returncode, 130, said)
+            done = int(re.search(r"interrupted; (\d+) of \d+ cases are done and kept: the same", said).group(1))
+            self.assertEqual(done, len(read(path).splitlines()))
+            self.assertIn("</html>", read(os.path.join(out, "index.html")))
+            self.assertIn(f"{done} of ", self.run_it("--out", out, "--filter", "curves/cornell/(exact|cache)"))
+
+    def test_bad_input_is_said_in_a_line(self):
+        with tempfile.TemporaryDirectory() as empty:
+            closed = os.path.join(PROGRAMS[0], "x")
+            with open(os.path.join(empty, "rows.jsonl"), "w") as f:
+                f.write('{"id": "curves/cornell/exact", "size": "full"}\n')
+            for words in (["--scenes", "/nowhere"], ["--out", empty], ["--scenes", empty], ["--out", closed],
+                          ["--only", "nothing"], ["--filter", "nothing"], ["--filter", "("], ["--threads", "-1"],
+                          ["--runs", "0"], ["--whitted", closed], ["--what"]):
+                self.assertEqual(len(self.run_it(*words, status=1).splitlines()), 1, words)
+
+
+def row(method, frame, error, scene="room", value=8, **figures):
+    labels = {"section": "curves", "scene": scene, "method": method, "value": value}
+    return {"id": f"{scene}/{method}/{frame}", "labels": labels, "figures": figures,
+            "point": {"frame": frame, "error": error}}
+
+
+class Points(unittest.TestCase):
+    def test_limit_takes_visibility_away(self):
+        exact = {"frame_s": 2.0, "shade_s": 1.5, "visibility_s": 1.0}
+        point = methods.of_limit({"exact": exact, "speedup": {"frame": 1.01}})
+        self.assertEqual((point["frame"], point["shade"], point["noise"]), (2.0, 3.0, 1.01))
+
+    def test_fewer_lights_against_all(self):
+        alone = {"mode_run": {"frame_s": 0.5, "shade_s": 0.25, "rays_traced": 30},
+                 "reference": {"mode_run": {"l_inf": 0.1, "flip": 0.2}}}
+        beside = {"exact": {"frame_s": 2.0, "shade_s": 1.5, "visibility_s": 1.0, "rays": 90}, "speedup": {"frame": 1}}
+        error = {"error": {"l_inf": 0.06, "l_inf_whole": 0.02, "mispredicted": None}, "mode_run": {"rays_traced": 9},
+                 "speedup": {"frame": 4, "shade": 5, "rays": 10}, "exact": {"rays": 90}}
+        rows = {"base": {"labels": {"section": "curves", "method": "limit"}, "figures": beside},
+                "cache": {"labels": {"section": "curves", "method": "cache", "base": "base"}, "figures": error},
+                "fewer": {"labels": {"section": "curves", "method": "fewer", "base": "base"}, "figures": alone}}
+        methods.add_points(rows)
+        point = rows["fewer"]["point"]
+        self.assertAlmostEqual(point["error"], 0.3)  # three times that of the whole image, as the cache's
+        self.assertAlmostEqual(point["share"], 1 / 3)
+        self.assertEqual((point["frame"], point["shade"], point["flip"]), (4.0, 6.0, 0.2))
+        self.assertEqual((rows["cache"]["point"]["frame"], rows["cache"]["point"]["share"]), (4, 0.1))
+
+    def test_front_has_what_nothing_beats(self):
+        points = [row("cache", 3, 0.01), row("estimate", 4, 0.02), row("selection", 2, 0.015),
+                  row("adaptive", 0.9, 0.001), row("bdpt", 9, 0.001), row("limit", 20, 0),
+                  row("selection", 5, 0, served="exact")]
+        self.assertEqual([r["labels"]["method"] for r in best(points)], ["estimate", "cache"])
+
+    def test_where_the_cache_loses_is_said(self):
+        def cache(frame, error=0.01):
+            return row("cache", frame, error)
+
+        selection, estimate = row("selection", 3, 0.01), row("estimate", 4, 0.01)
+        for points, said in (([cache(4), selection], "None"), ([cache(2), row("selection", 3, 0.03)], "None"),
+                             ([cache(2), selection], "<b>the cache loses</b>: fastest is stochastic"),
+                             ([selection], "nothing that uses the cache gets there"),
+                             ([cache(2), selection, estimate], "plain cache loses to stochastic"),
+                             ([cache(0.8), estimate], "plain cache is slower than exact"),
+                             ([cache(0.8)], "nothing is faster than exact"),
+                             ([cache(2, 0.05)], "nothing that was tried gets there")):
+            self.assertIn(said, str(Entry({r["id"]: r for r in points}, "room", 0.02).sentence()))
+
+
+class Plots(unittest.TestCase):
+    def test_what_lies_beyond_stands_at_the_border(self):
+        axis = svg.Axis([1.0, 100.0], 0.0, 10.0)
+        self.assertEqual((axis(1e-9), axis(1e9)), (0.0, 10.0))
+        self.assertAlmostEqual(axis(10.0), 5.0)
+
+    def test_labels_do_not_cover_each_other(self):
+        series = [svg.Series(f"name {i}", [(100.0, 100.0 + 3 * i), (180.0, 100.0 + 2 * i)], "#000", "circle")
+                  for i in range(5)]
+        placed = svg.place_labels(series, (0, 400, 0, 300), 12, [])
+        boxes = [(x, y - 9.6, x + 0.62 * 12 * len(n), y + 3) for n, x, y, _ in placed]
+        for i, a in enumerate(boxes):
+            self.assertTrue(all(svg.overlap(a, b) < 12 for b in boxes[:i]), boxes)
+            self.assertTrue(a[0] >= 0 and a[2] <= 400 and a[1] >= 0 and a[3] <= 300)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
