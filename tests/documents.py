@@ -124,7 +124,7 @@ for path in documents:
             if "NAME" not in name and not any(os.path.exists(source + end) for end in ("", ".c", ".cpp")):
                 missing.append("%s: there is no %s" % (os.path.relpath(path, root), name))
         if path.endswith("troubleshooting.md") and line.startswith("| ") and not line.startswith(("| what", "| ---")):
-            shown_by = re.findall(r"`(\w+)`", line.split(" | ")[-1])
+            shown_by = re.findall(r"`([a-z_]+)`", line.split(" | ")[-1])
             missing += ["no test case " + name for name in shown_by if "static void %s(" % name not in cases]
             if not line.split(" | ")[-1].strip(" |"):
                 missing.append("nothing shows " + line)

@@ -242,6 +242,39 @@ static void objects(void **state)
     world_free(&w);
 }
 
+/* Three informers that are near are enough; who does not see a light for the horizon does not see it. */
+static void near(void **state)
+{
+    (void)state;
+    world w = three();
+    w.object[8] = 1;
+    run_mode(&w, "NEAR,spacing=2");
+    assert_traced(&w, 1, 1, 0);
+    assert_traced(&w, 2, 1, ALL_SIX); /* on the border there are but three */
+    w.object[6] = 2;
+    run_mode(&w, "NEAR,spacing=2");
+    assert_traced(&w, 1, 1, ALL_SIX); /* two are not */
+    assert_traced(&w, 0, 1, ALL_SIX); /* one of three on the border */
+    w.object[6] = 0;
+    run_mode(&w, "OPT,spacing=2,near=1"); /* the middle is informed from farther away */
+    assert_traced(&w, 1, 1, ALL_SIX);
+    w.object[8] = 0;
+
+    w.below[pair_at(&w, 0, 0, PX)] = w.below[pair_at(&w, 2, 0, PX)] = 1;
+    run_mode(&w, "NEAR,spacing=2"); /* others see it */
+    assert_traced(&w, 1, 1, BIT(PX));
+    w.blocked[pair_at(&w, 0, 2, PX)] = w.blocked[pair_at(&w, 2, 2, PX)] = w.blocked[pair_at(&w, 1, 1, PX)] = 1;
+    run_mode(&w, "NEAR,spacing=2");
+    assert_traced(&w, 1, 1, 0);
+    assert_int_equal(visible_at(&w, 1, 1), ALL_SIX & ~BIT(PX));
+    run_mode(&w, "OPT,spacing=2");
+    assert_traced(&w, 1, 1, BIT(PX));
+    w.below[pair_at(&w, 0, 2, PX)] = 1;
+    run_mode(&w, "NEAR,spacing=2"); /* one says so, three do not know */
+    assert_traced(&w, 1, 1, BIT(PX));
+    world_free(&w);
+}
+
 static void horizons(void **state)
 {
     (void)state;
@@ -351,11 +384,14 @@ static void names(void **state)
                                                               : VCACHE_GRID_GRID);
         assert_int_equal(f.warping, !other && (*name)[1] == 'W');
         assert_int_equal(f.boundary, !other && (*name)[2] == 'B');
-        assert_int_equal(f.restricted, strcmp(*name, "OPT") == 0 || strcmp(*name, "RES") == 0);
-        assert_int_equal(!f.finest, strcmp(*name, "OPT") == 0 || strcmp(*name, "FLO") == 0);
+        bool near = strcmp(*name, "NEAR") == 0, optimized = near || strcmp(*name, "OPT") == 0;
+        assert_int_equal(f.restricted, optimized || strcmp(*name, "RES") == 0);
+        assert_int_equal(f.flood, near ? 2 : optimized || strcmp(*name, "FLO") == 0);
+        assert_int_equal(f.near, near ? 2 : 0);
     }
-    vcache_grid_config f = mode_of("GNB,spacing=32,rounds=2,bright=9,threshold=2.5");
-    assert_true(f.spacing == 32 && f.rounds == 2 && f.bright == 9 && f.threshold == 2.5f && f.boundary);
+    vcache_grid_config f = mode_of("GNB,spacing=32,rounds=2,bright=9,threshold=2.5,flood=4,near=3");
+    assert_true(f.flood == 4 && f.near == 3 && f.spacing == 32 && f.rounds == 2 && f.bright == 9 &&
+                f.threshold == 2.5f && f.boundary);
     const char *const bad[] = {"",
                                "opt",
                                "OPTIMAL",
@@ -369,6 +405,8 @@ static void names(void **state)
                                "OPT,rounds=-1",
                                "GNB,threshold=4",
                                "OPT,spacing=16x",
+                               "OPT,flood=65",
+                               "NEAR,near=-1",
                                "OPT spacing=16"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         vcache_grid_config before = vcache_grid_default_config(), after = before;
@@ -450,11 +488,21 @@ static void memory(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(pixels_that_begin), cmocka_unit_test(who_informs),     cmocka_unit_test(uncertainty),
-        cmocka_unit_test(flooding),          cmocka_unit_test(boundaries),      cmocka_unit_test(scanline),
-        cmocka_unit_test(objects),           cmocka_unit_test(horizons),        cmocka_unit_test(bright_lights),
-        cmocka_unit_test(warping),           cmocka_unit_test(nearest_blocker), cmocka_unit_test(names),
-        cmocka_unit_test(creation),          cmocka_unit_test(memory),
+        cmocka_unit_test(pixels_that_begin),
+        cmocka_unit_test(who_informs),
+        cmocka_unit_test(uncertainty),
+        cmocka_unit_test(flooding),
+        cmocka_unit_test(boundaries),
+        cmocka_unit_test(scanline),
+        cmocka_unit_test(objects),
+        cmocka_unit_test(horizons),
+        cmocka_unit_test(near),
+        cmocka_unit_test(bright_lights),
+        cmocka_unit_test(warping),
+        cmocka_unit_test(nearest_blocker),
+        cmocka_unit_test(names),
+        cmocka_unit_test(creation),
+        cmocka_unit_test(memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -48,16 +48,22 @@ static void flood(reference *r, uint32_t pixel, const uint8_t *predicted, const 
     free(stack);
 }
 
-static void decide(reference *r, uint32_t pixel, const uint32_t *informers, uint32_t count, bool finest)
+/* `distance`: of the informers, pixels. */
+static void decide(reference *r, uint32_t pixel, const uint32_t *informers, uint32_t count, double distance)
 {
     const world *w = r->w;
     uint32_t n = w->lights;
     size_t row = (size_t)pixel * n;
     if (w->empty[pixel])
         return;
-    bool same = count > 0;
+    bool near = distance <= r->f->near;
+    uint32_t alike[4], number = 0;
     for (uint32_t i = 0; i < count; i++)
-        same = same && !w->empty[informers[i]] && w->object[informers[i]] == w->object[pixel];
+        if (!w->empty[informers[i]] && w->object[informers[i]] == w->object[pixel])
+            alike[number++] = informers[i];
+    bool same = count > 0 && (number == count || (near && number == 3));
+    informers = alike;
+    count = number;
     uint8_t *predicted = zeroes(n, 1), *first = zeroes(n, 1);
     for (uint32_t i = 0; i < n; i++) {
         if (w->below[row + i]) {
@@ -76,6 +82,8 @@ static void decide(reference *r, uint32_t pixel, const uint32_t *informers, uint
         }
         if (r->f->boundary)
             predicted[i] = (float)blockers > r->f->threshold || blockers == count ? BLOCKED : VISIBLE;
+        else if (near && blockers > 1 && blockers + unknown == count)
+            predicted[i] = BLOCKED, unknown = 0;
         else
             predicted[i] = unknown == count || (blockers > 0 && blockers + unknown < count) ? UNCERTAIN
                            : blockers                                                       ? BLOCKED
@@ -90,7 +98,7 @@ static void decide(reference *r, uint32_t pixel, const uint32_t *informers, uint
                 (predicted[k] == NOT_ASKED ? r->f->order == VCACHE_GRID_SCANLINE : predicted[k] != predicted[i]))
                 first[i] = 1;
     if (same)
-        flood(r, pixel, predicted, first, !finest || r->f->finest);
+        flood(r, pixel, predicted, first, distance > r->f->flood);
     free(predicted);
     free(first);
 }
@@ -100,7 +108,7 @@ static void scanline(reference *r)
     uint32_t width = r->w->width;
     for (uint32_t p = 0; p < width * r->w->height; p++) {
         const uint32_t informers[] = {p - 1, p - width, p - width - 1};
-        decide(r, p, informers, p % width == 0 || p < width ? 0 : 3, false);
+        decide(r, p, informers, p % width == 0 || p < width ? 0 : 3, INFINITY);
     }
 }
 
@@ -145,7 +153,7 @@ static void coarse_to_fine(reference *r)
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
             if (lattice[0][x] && lattice[1][y])
-                decide(r, (uint32_t)(y * width + x), NULL, 0, false);
+                decide(r, (uint32_t)(y * width + x), NULL, 0, INFINITY);
     for (; g >= 2; g /= 2) {
         for (int axis = 0; axis < 2; axis++)
             for (int x = 0; x < length[axis]; x++)
@@ -172,7 +180,7 @@ static void coarse_to_fine(reference *r)
                             in[n++] = (uint32_t)(y * width + pair[i]);
                     }
                     if (n > 0)
-                        decide(r, (uint32_t)(y * width + x), in, n, g == 2 && half == 1);
+                        decide(r, (uint32_t)(y * width + x), in, n, g / 2 * (half ? 1.0 : sqrt(2.0)));
                 }
         for (int axis = 0; axis < 2; axis++)
             for (int x = 0; x < length[axis]; x++)
@@ -211,7 +219,11 @@ static void scatter(world *w, uint64_t seed)
 static void as_the_paper(void **state)
 {
     (void)state;
-    const char *const modes[] = {"SNB", "SNU", "GNB", "GNU", "RES", "FLO", "OPT", "GNB,threshold=2", "OPT,spacing=4"};
+    const char *const modes[] = {"SNB",           "SNU",        "GNB",
+                                 "GNU",           "RES",        "FLO",
+                                 "OPT",           "NEAR",       "GNB,threshold=2",
+                                 "OPT,spacing=4", "GNU,near=1", "NEAR,near=3,flood=2",
+                                 "GNB,near=4"};
     const uint32_t sizes[][3] = {{1, 1, 5},    {1, 40, 20},  {40, 1, 20}, {2, 2, 7},   {17, 13, 70},
                                  {33, 33, 20}, {37, 30, 66}, {16, 16, 9}, {150, 7, 12}};
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {

@@ -222,8 +222,8 @@ static void words(void **state)
     settings f = {0};
     message err = {{0}};
     assert_true(grid_parse("GNU,block=64,spacing=8", &f, &err) && f.grid_block == 64 && f.grid.spacing == 8);
-    assert_true(grid_parse("GNU,spacing=8,block=0", &f, &err) && f.grid_block == 0 && f.grid.finest);
-    assert_true(grid_parse(NULL, &f, &err) && f.grid.restricted);
+    assert_true(grid_parse("GNU,spacing=8,block=0", &f, &err) && f.grid_block == 0 && f.grid.flood == 0);
+    assert_true(grid_parse(NULL, &f, &err) && f.grid.near == 2);
     const char *const bad[] = {"",
                                "GNX",
                                "OPT,block=",

@@ -18,7 +18,14 @@ static inline int highest_bit(uint64_t x) /* x != 0 */
 
 static inline uint32_t count_ones(uint64_t x)
 {
+#if defined(__POPCNT__) || !defined(__x86_64__)
     return (uint32_t)__builtin_popcountll(x);
+#else /* where the compiler would call a function */
+    x -= x >> 1 & 0x5555555555555555u;
+    x = (x & 0x3333333333333333u) + (x >> 2 & 0x3333333333333333u);
+    x = (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0fu;
+    return (uint32_t)(x * 0x0101010101010101u >> 56);
+#endif
 }
 #else
 static inline uint32_t count_ones(uint64_t x)

@@ -8,8 +8,8 @@
 
 /* ---------------------------------------------------------------------------------------------------------- names */
 
-static const char *const names[] = {"TRUE", "EYE", "SNB", "SNU", "SWB", "SWU", "GNB",
-                                    "GNU",  "GWB", "GWU", "RES", "FLO", "OPT", NULL};
+static const char *const names[] = {"TRUE", "EYE", "SNB", "SNU", "SWB", "SWU",  "GNB", "GNU",
+                                    "GWB",  "GWU", "RES", "FLO", "OPT", "NEAR", NULL};
 
 const char *const *vcache_grid_mode_names(void)
 {
@@ -18,11 +18,12 @@ const char *const *vcache_grid_mode_names(void)
 
 static void set_mode(vcache_grid_config *f, const char *name)
 {
-    bool optimized = strcmp(name, "OPT") == 0;
+    bool near = strcmp(name, "NEAR") == 0, optimized = near || strcmp(name, "OPT") == 0;
     f->order = VCACHE_GRID_GRID;
     f->warping = f->boundary = false;
     f->restricted = optimized || strcmp(name, "RES") == 0;
-    f->finest = !optimized && strcmp(name, "FLO") != 0;
+    f->near = near ? 2 : 0;
+    f->flood = near ? 2 : optimized || strcmp(name, "FLO") == 0;
     if (strcmp(name, "TRUE") == 0 || strcmp(name, "EYE") == 0)
         f->order = name[0] == 'T' ? VCACHE_GRID_TRUE : VCACHE_GRID_EYE;
     if (!strchr("SG", name[0]))
@@ -51,6 +52,8 @@ static bool parse_option(const char *text, size_t length, vcache_grid_config *f)
     uint32_t *to = strcmp(option, "spacing") == 0  ? &f->spacing
                    : strcmp(option, "rounds") == 0 ? &f->rounds
                    : strcmp(option, "bright") == 0 ? &f->bright
+                   : strcmp(option, "flood") == 0  ? &f->flood
+                   : strcmp(option, "near") == 0   ? &f->near
                                                    : NULL;
     if (*end || n > UINT32_MAX || !to)
         return false;
@@ -68,7 +71,7 @@ void vcache_grid_fill_config(vcache_grid_config *out, size_t size)
                             .threshold = 0.99f,
                             .rays = 16384,
                             .allocator = vcache_default_config().allocator};
-    set_mode(&f, "OPT");
+    set_mode(&f, "NEAR");
     sized_fill(out, size, &f, sizeof f);
 }
 
@@ -92,6 +95,9 @@ static vcache_status check(const vcache_grid_config *f, char *message)
         return vcache_complain(message, bad, "order is %d: it must be one of vcache_grid_order", (int)f->order);
     if (f->spacing < 2 || f->spacing > 64 || (f->spacing & (f->spacing - 1)) != 0)
         return vcache_complain(message, bad, "spacing is %u: it must be 2, 4, 8, 16, 32 or 64", f->spacing);
+    if (f->flood > 64 || f->near > 64)
+        return vcache_complain(message, bad, "%s is %u: it must be 0 ... 64", f->flood > 64 ? "flood" : "near",
+                               f->flood > 64 ? f->flood : f->near);
     if (!(f->threshold >= 0.0f && f->threshold < 4.0f))
         return vcache_complain(message, bad, "threshold is %g: it must be 0 ... 3.99", (double)f->threshold);
     if (!f->allocator.allocate || !f->allocator.release)
@@ -110,7 +116,7 @@ bool vcache_grid_parse_mode(const char *text, vcache_grid_config *config, char *
         name++;
     if (!*name) {
         vcache_complain(message, VCACHE_ERROR_ARGUMENT,
-                        "%.*s is none of TRUE, EYE, SNB, SNU, SWB, SWU, GNB, GNU, GWB, GWU, RES, FLO, OPT",
+                        "%.*s is none of TRUE, EYE, SNB, SNU, SWB, SWU, GNB, GNU, GWB, GWU, RES, FLO, OPT, NEAR",
                         length < 32 ? (int)length : 32, text);
         return false;
     }
@@ -120,7 +126,7 @@ bool vcache_grid_parse_mode(const char *text, vcache_grid_config *config, char *
         length = strcspn(text, ",");
         if (!parse_option(text, length, &f)) {
             vcache_complain(message, VCACHE_ERROR_ARGUMENT,
-                            "%.*s is none of spacing=N, rounds=N, bright=N, threshold=X",
+                            "%.*s is none of spacing=N, rounds=N, bright=N, flood=N, near=N, threshold=X",
                             length < 32 ? (int)length : 32, text);
             return false;
         }

@@ -82,7 +82,12 @@ typedef struct vcache_grid_config {
     bool boundary;           /* Sect. 4.2.1: lights at a border of visible and blocked ones are traced; default false:
                                 Sect. 4.2.2, those that informing pixels disagree on */
     bool restricted;         /* Sect. 6.1: flooding goes on to lights alone that disagree with the ray; default true */
-    bool finest;      /* flooding in the last step as well, that of half of all pixels (Sect. 6.1); default false */
+    uint32_t flood;   /* flooding only where informing pixels are farther away than that, 0 ... 64 pixels; 1: not in
+                         the last step, that of half of all pixels (Sect. 6.1); default 2 */
+    uint32_t near;    /* where informing pixels are no farther away than that, 0 ... 64 pixels, three of them on the
+                         pixel's object are enough, and for methods that neither warp nor flood boundaries a light that
+                         two call blocked and the others have below their horizon is blocked; 0: as the texts have it,
+                         traced; default 2 */
     uint32_t rounds;  /* of flooding at most, each one light further; default 0: as many as it takes */
     uint32_t bright;  /* boundary flooding for that many of the most energetic lights (Sect. 7); default 0 */
     uint32_t spacing; /* of the coarsest lattice, pixels; a power of two, 2 ... 64, default 16 */
@@ -92,7 +97,7 @@ typedef struct vcache_grid_config {
     vcache_allocator allocator; /* default: the C library's */
 } vcache_grid_config;
 
-/* OPT of the paper, as vcache_fill_config. */
+/* NEAR, as vcache_fill_config. */
 VCACHE_API void vcache_grid_fill_config(vcache_grid_config *out, size_t size);
 /* The same by value, compiled into the host. */
 static inline vcache_grid_config vcache_grid_default_config(void)
@@ -104,9 +109,10 @@ static inline vcache_grid_config vcache_grid_default_config(void)
 
 /* Sets what a name of Sect. 5 and 6 stands for, and leaves the rest of *config alone:
  *   TRUE, EYE; SNB, SNU, SWB, SWU, GNB, GNU, GWB, GWU (scanline or grid, no warping or warping, boundary or uncertainty
- *   flooding); RES and FLO: GNU with restricted flooding, GNU with none in the finest step; OPT: GNU with both.
- * Behind the name, each after a comma: spacing=N, rounds=N, bright=N, threshold=X. False, with a message, for anything
- * else. */
+ *   flooding); RES and FLO: GNU with restricted flooding, GNU with none in the finest step; OPT: GNU with both; NEAR:
+ *   OPT with flood and near 2, which the texts do not have.
+ * Behind the name, each after a comma: spacing=N, rounds=N, bright=N, flood=N, near=N, threshold=X. False, with a
+ * message, for anything else. */
 VCACHE_API bool vcache_grid_parse_mode(const char *text, vcache_grid_config *config, char *message);
 /* All names, NULL-terminated. */
 VCACHE_API const char *const *vcache_grid_mode_names(void);
@@ -160,7 +166,7 @@ typedef struct vcache_grid_statistics {
     uint64_t asked;      /* pairs of pixel and light above its horizon */
     uint64_t traced;     /* of these: traced, the sum of the following */
     uint64_t coarse;     /* at pixels that begin: the coarsest lattice; first row and column of scanline order */
-    uint64_t silhouette; /* at pixels whose informing pixels see another object or none */
+    uint64_t silhouette; /* at pixels of whose informing pixels too many see another object or none */
     uint64_t uncertain;  /* where predictions were in doubt: disagreement, boundaries, horizons */
     uint64_t flooded;    /* for the sake of a neighbour that surprised */
     uint64_t surprises;  /* predictions that a ray refuted */

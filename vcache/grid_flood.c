@@ -51,8 +51,8 @@ static bool begin_part(vcache_grid *g)
     for (uint32_t i = 0; i < n; i++)
         if (g->seen[g->part[i]])
             g->part[kept++] = g->part[i];
-    g->flooding = !grid_finest(&g->walk) || g->config.finest;
-    g->flooding = g->flooding && g->config.order != VCACHE_GRID_TRUE && g->config.order != VCACHE_GRID_EYE;
+    g->flooding = !grid_within(&g->walk, g->config.flood) && g->config.order != VCACHE_GRID_TRUE &&
+                  g->config.order != VCACHE_GRID_EYE;
     g->round = 0;
     g->active_count = g->emitted = 0;
     for (uint32_t at = 0; at < kept; at++) {

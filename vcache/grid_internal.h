@@ -43,8 +43,8 @@ void grid_walk_begin(grid_walk *w, vcache_grid_order order, uint32_t spacing, ui
 uint32_t grid_walk_part(grid_walk *w, grid_walk *part, uint32_t *pixels);
 /* Pixels that inform one of the part; 0: it begins, and is traced in full. */
 uint32_t grid_informers(const grid_walk *w, uint32_t pixel, uint32_t informers[INFORMERS]);
-/* Whether the part is of the last step. */
-bool grid_finest(const grid_walk *w);
+/* Whether the part's pixels are informed by others of a grid at most so many pixels away. */
+bool grid_within(const grid_walk *w, uint32_t pixels);
 
 struct vcache_grid {
     vcache_grid_config config;

@@ -178,7 +178,7 @@ uint32_t grid_informers(const grid_walk *w, uint32_t pixel, uint32_t informers[I
     return n;
 }
 
-bool grid_finest(const grid_walk *w)
+bool grid_within(const grid_walk *w, uint32_t pixels)
 {
-    return w->order == VCACHE_GRID_GRID && w->h == 1 && w->straight;
+    return w->order == VCACHE_GRID_GRID && (w->straight ? 1 : 2) * w->h * w->h <= pixels * pixels;
 }

@@ -35,9 +35,9 @@ static uint32_t count_row(const uint64_t *row, uint32_t words)
 
 /* Without warping: a light is blocked where all agree, visible where all agree, else unclear. Of what is unclear those
  * that know, being above whose horizon it is, may still agree: `guess` is what they see. If they do not it is doubtful.
- */
-static void agree(const vcache_grid *g, uint32_t pixel, const uint32_t *informers, uint32_t count, uint64_t *blocked,
-                  uint64_t *unclear, uint64_t *guess, uint64_t *doubtful)
+ * `near`: those below whose horizon it is agree that it is blocked, if two others say so. */
+static void agree(const vcache_grid *g, uint32_t pixel, const uint32_t *informers, uint32_t count, bool near,
+                  uint64_t *blocked, uint64_t *unclear, uint64_t *guess, uint64_t *doubtful)
 {
     uint32_t words = g->words;
     const uint64_t *asked = grid_row(g->asked, words, pixel);
@@ -50,7 +50,12 @@ static void agree(const vcache_grid *g, uint32_t pixel, const uint32_t *informer
     for (uint32_t w = 0; w < words; w++) {
         uint64_t known = a[0][w] & a[1][w] & a[2][w] & a[3][w];
         uint64_t seen = v[0][w] | v[1][w] | v[2][w] | v[3][w];
-        uint64_t hidden = (a[0][w] & ~v[0][w]) | (a[1][w] & ~v[1][w]) | (a[2][w] & ~v[2][w]) | (a[3][w] & ~v[3][w]);
+        uint64_t hidden = 0, twice = 0;
+        for (uint32_t i = 0; i < count; i++) {
+            twice |= hidden & a[i][w] & ~v[i][w];
+            hidden |= a[i][w] & ~v[i][w];
+        }
+        known |= near ? twice & ~seen : 0;
         blocked[w] = asked[w] & known & ~seen;
         unclear[w] = asked[w] & (~known | (seen & hidden));
         guess[w] = unclear[w] & seen;
@@ -114,12 +119,14 @@ static void add_bright(const vcache_grid *g, const uint64_t *visible, const uint
         out[w] |= g->bright[w] & (edge[w] | beside[w]) & (visible[w] | blocked[w]);
 }
 
-static bool same_object(const vcache_grid *g, uint32_t pixel, const uint32_t *informers, uint32_t count)
+/* Keeps informers on the pixel's object; returns how many. */
+static uint32_t on_object(const vcache_grid *g, uint32_t pixel, uint32_t *informers, uint32_t count)
 {
+    uint32_t n = 0;
     for (uint32_t i = 0; i < count; i++)
-        if (!g->seen[informers[i]] || g->object[informers[i]] != g->object[pixel])
-            return false;
-    return true;
+        if (g->seen[informers[i]] && g->object[informers[i]] == g->object[pixel])
+            informers[n++] = informers[i];
+    return n;
 }
 
 static void trace_all(vcache_grid *g, uint32_t at, bool begins)
@@ -174,21 +181,23 @@ void grid_predict(vcache_grid *g, uint32_t at)
         return;
     }
     uint32_t count = grid_informers(&g->walk, pixel, informers);
-    if (count == 0 || !same_object(g, pixel, informers, count)) {
+    bool near = grid_within(&g->walk, f->near);
+    uint32_t alike = on_object(g, pixel, informers, count), needed = near && count > 3 ? 3 : count;
+    if (count == 0 || alike < needed) {
         trace_all(g, at, count == 0);
         return;
     }
     uint64_t *blocked = g->scratch, *unclear = grid_row(g->scratch, words, 1), *todo = grid_row(g->todo, words, at);
     uint64_t *guess = grid_row(g->scratch, words, 3), *doubt_row = grid_row(g->scratch, words, 8);
     if (f->warping)
-        grid_warp(g, pixel, informers, count, blocked, unclear);
+        grid_warp(g, pixel, informers, alike, blocked, unclear);
     else if (f->boundary)
-        count_blockers(g, pixel, informers, count, blocked, unclear);
+        count_blockers(g, pixel, informers, alike, blocked, unclear);
     if (f->warping || f->boundary) {
         memset(guess, 0, words * sizeof *guess);
         memcpy(doubt_row, unclear, words * sizeof *doubt_row);
     } else {
-        agree(g, pixel, informers, count, blocked, unclear, guess, doubt_row);
+        agree(g, pixel, informers, alike, near, blocked, unclear, guess, doubt_row);
     }
     for (uint32_t w = 0; w < words; w++)
         visible[w] = asked[w] & ~blocked[w] & ~(f->boundary ? 0 : unclear[w]);

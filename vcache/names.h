@@ -6,13 +6,13 @@
 
 #define eye_cells vcache_eye_cells_
 #define finite3 vcache_finite3_
-#define grid_finest vcache_grid_finest_
 #define grid_informers vcache_grid_informers_
 #define grid_neighbours_of vcache_grid_neighbours_of_
 #define grid_predict vcache_grid_predict_
 #define grid_walk_begin vcache_grid_walk_begin_
 #define grid_walk_part vcache_grid_walk_part_
 #define grid_warp vcache_grid_warp_
+#define grid_within vcache_grid_within_
 #define kernels_avx2 vcache_kernels_avx2_
 #define kernels_avx512 vcache_kernels_avx512_
 #define kernels_choose vcache_kernels_choose_
