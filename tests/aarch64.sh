@@ -38,7 +38,7 @@ for t in $tests; do
     # of the keys only their checksum: the rest takes long in an emulator
     if [ $t = quantize ]; then export SMALL_ONLY=everywhere; else unset SMALL_ONLY; fi
     $compiler -std=c11 -O2 -ffp-contract=off -I"$source/tests/small" "$source/tests/test_$t.c" "$dir"/*.o -static -pthread -lm \
-        -o "$dir/test_$t" >"$dir/log" 2>&1 && timeout 100 $qemu "$dir/test_$t" >"$dir/$t.txt" 2>&1
+        -o "$dir/test_$t" >"$dir/log" 2>&1 && timeout 400 $qemu "$dir/test_$t" >"$dir/$t.txt" 2>&1
     status=$?
     [ -f "$dir/$t.txt" ] || cp "$dir/log" "$dir/$t.txt"
     result $status "test_$t passes" "$dir/$t.txt"
