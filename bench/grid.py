@@ -28,13 +28,14 @@ from scenes import BUILTIN, ROOT, Failure, Parser, public, run, run_main, scene_
 SCENES = ["shapes", "bunny", "plant", "dominoes"]
 MAPS = {"clusters": "grace-small", "sun": "kloppenheim_05_1k", "uniform": "leadenhall_market_1k"}
 LIGHTS = [50, 100, 200, 400]
-MODES = ["SWB", "GWB", "GNB", "GWU", "GNU", "OPT"]
+MODES = ["SWB", "GWB", "GNB", "GWU", "GNU", "OPT", "NEAR"]
 TIMED = ["EYE", "TRUE"] + MODES
-METHODS = {"grid-OPT": ["--visibility", "grid=OPT"], "grid-GNU": ["--visibility", "grid=GNU"],
+METHODS = {"grid-OPT": ["--visibility", "grid=OPT"], "grid-NEAR": ["--visibility", "grid=NEAR"],
+           "grid-GNU": ["--visibility", "grid=GNU"],
            # C_E of 1 at one path a pixel: next to nothing is shared
            **{f"cache-{x}": ["--visibility", "cache", "--ce-delta", x] for x in ("2", "4", "8")},
            **{f"estimate-{k}": ["--visibility", "estimate", "--select", k] for k in ("8", "24")}}
-TURNED = ["grid-OPT", "grid-GNU", "cache-2", "cache-4", "estimate-24"]
+TURNED = ["grid-OPT", "grid-NEAR", "grid-GNU", "cache-2", "cache-4", "estimate-24"]
 STEP, FRAMES = 3, 12  # degrees between frames
 # Table 1, per cent at 50, 100, 200 and 400 lights; Table 2, times faster than TRUE at 200
 PAPER_RAYS = {

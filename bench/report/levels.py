@@ -30,7 +30,7 @@ LEVELS = {
         {"cache": [4, 8, 16, 32, 64], "cache-unrefined": [4, 8, 16, 32], "cache-words": [8, 32],
          "estimate": [1, 2, 4, 8, 16, 32], "cached-selection": [2, 8, 32], "selection": [2, 4, 8, 16, 32, 64],
          "fewer": [2, 4, 8, 16, 32], "adaptive": [0.02, 0.05, 0.1, 0.2, 0.5], "adaptive-cache": [0.05, 0.2, 0.5],
-         "grid": ["OPT", "FLO", "GNU", "GWU", "GNB", "SWB"], "bdpt": [6, 12, 24, 48]},
+         "grid": ["NEAR", "OPT", "FLO", "GNU", "GWU", "GNB", "SWB"], "bdpt": [6, 12, 24, 48]},
         {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.1}, True,
         {"hard": ([4, 8, 16, 24, 36], [4, 8, 12, 18]), "soft": ([10, 16, 24, 32, 48, 64], [4, 8, 16, 24])},
         ["atrium", "conference-lights", "kitchen", "conference", "living-room"], 2048,
@@ -39,7 +39,7 @@ LEVELS = {
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
          "cached-selection": [6], "selection": [6, 24, 48], "fewer": [4], "adaptive": [0.05, 0.2],
-         "adaptive-cache": [], "grid": ["OPT", "GNU"], "bdpt": [12]},
+         "adaptive-cache": [], "grid": ["NEAR", "OPT", "GNU"], "bdpt": [12]},
         {"cache": 16, "estimate": 6, "selection": 6}, False,
         {"hard": ([4, 16, 36], [4, 18]), "soft": ([10, 32, 64], [4, 24])},
         ["conference-lights", "shapes"], 256,
@@ -47,6 +47,6 @@ LEVELS = {
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
-         "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["OPT"], "bdpt": [12]},
+         "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"], "bdpt": [12]},
         {"cache": 8, "estimate": 8}, False, {"hard": ([4, 8], [4]), "soft": ([8, 16], [4])}, ["cornell"], 64,
         {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]})}
