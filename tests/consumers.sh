@@ -77,6 +77,9 @@ for pair in "gcc g++" "clang clang++"; do
             $cxx -std=c++17 $flags consumer.cpp -o cpp $(pkg-config --cflags --libs vcache halton) &&
             [ "$(pkg-config --modversion vcache)" = "$version" ] && say_version ./c ./cpp; } >"$dir/log" 2>&1
         report $? "pkg-config, shared, $cc"
+        ldconfig -p 2>/dev/null | grep -q libvcache ||
+            { env -u LD_LIBRARY_PATH ./c 2>&1 | grep "libvcache.so.${version%.*}: cannot open shared object file"; } >"$dir/log"
+        report $? "the same where the loader does not look"
     fi
     if have pkg-config && [ -e "$static" ]; then
         fresh package

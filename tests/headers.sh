@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # headers.sh SOURCE_ROOT LIBVCACHE LIBHALTON [STATIC_LIBVCACHE STATIC_LIBHALTON]: public headers compile alone as C11 and C++17 without a warning; the
-# libraries export nothing but their own prefix and need libc alone. Prints TAP.
+# libraries export what tests/promise.c lists, nothing without their prefix, and need libc alone. Prints TAP.
 set -u
 root=$1 n=0 bad=0
 folder=$(mktemp -d) || exit 1
@@ -28,6 +28,12 @@ done
 foreign() { nm -D --defined-only "$1" | awk -v p="$2" '$3 !~ "^" p && $3 !~ /^(_init|_fini|_edata|_end|__bss_start)$/ { print "# " $3; f = 1 } END { exit f }'; }
 foreign "$2" vcache_; report $? "libvcache exports vcache_ alone"
 foreign "$3" halton_; report $? "libhalton exports halton_ alone"
+cc -std=c11 -Wno-array-parameter -I"$root" -c "$root/tests/promise.c" -o "$folder/promise.o" 2>&1 | sed 's/^/# /'
+[ -e "$folder/promise.o" ]; report $? "types, constants and fields are as promised"
+{ nm -D --defined-only "$2"; nm -D --defined-only "$3"; } | awk '$3 ~ /^(vcache|halton)_/ { print $3 }' | sort >"$folder/exported"
+grep -oE '\b(vcache|halton)_[a-z0-9_]+\(' "$root/tests/promise.c" | tr -d '(' | sort >"$folder/promised"
+diff "$folder/promised" "$folder/exported" >"$folder/log"
+report $? "the libraries export the functions of tests/promise.c, all of them: $(tr '\n' ' ' <"$folder/log")"
 internal() { nm --defined-only --extern-only "$1" | awk -v p="$2" 'NF == 3 && $3 !~ "^" p { print "# " $3 " (vcache/names.h)"; f = 1 } END { exit f }'; }
 if [ $# -ge 5 ]; then
     internal "$4" vcache_; report $? "the static libvcache has names with vcache_ alone"
