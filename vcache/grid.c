@@ -149,8 +149,7 @@ static size_t lay_out(vcache_grid *g, char *block)
     o.bright = grid_carve(block, &at, words, sizeof *o.bright);
     o.valid = grid_carve(block, &at, words, sizeof *o.valid);
     o.scratch = grid_carve(block, &at, SCRATCH_ROWS * words, sizeof *o.scratch);
-    o.asked = grid_carve(block, &at, pixels * words, sizeof *o.asked);
-    o.visible = grid_carve(block, &at, pixels * words, sizeof *o.visible);
+    o.bits = grid_carve(block, &at, 2 * pixels * words, sizeof *o.bits);
     o.object = grid_carve(block, &at, pixels, sizeof *o.object);
     o.seen = grid_carve(block, &at, pixels, sizeof *o.seen);
     o.position = grid_carve(block, &at, warping ? 3 * pixels : 0, sizeof *o.position);

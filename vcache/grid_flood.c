@@ -15,7 +15,7 @@ void vcache_grid_begin(vcache_grid *g, uint32_t width, uint32_t height)
     g->width = width;
     g->height = height;
     memset(g->seen, 0, (size_t)width * height);
-    memset(g->visible, 0, (size_t)width * height * g->words * sizeof *g->visible);
+    memset(g->bits, 0, 2 * (size_t)width * height * g->words * sizeof *g->bits);
     grid_walk_begin(&g->next, g->config.order, g->config.spacing, width, height);
     g->active_count = g->emitted = g->ray_count = 0;
 }
@@ -23,7 +23,7 @@ void vcache_grid_begin(vcache_grid *g, uint32_t width, uint32_t height)
 uint64_t *vcache_grid_pixel(vcache_grid *g, uint32_t x, uint32_t y, uint64_t object, const float position[3])
 {
     size_t pixel = (size_t)y * g->width + x;
-    uint64_t *asked = grid_row(g->asked, g->words, pixel);
+    uint64_t *asked = grid_asked(g, pixel);
     g->seen[pixel] = 1;
     g->object[pixel] = object;
     if (g->config.warping && position)
@@ -33,15 +33,7 @@ uint64_t *vcache_grid_pixel(vcache_grid *g, uint32_t x, uint32_t y, uint64_t obj
 
 const uint64_t *vcache_grid_visible(const vcache_grid *g, uint32_t x, uint32_t y)
 {
-    return g->visible + ((size_t)y * g->width + x) * g->words;
-}
-
-static uint32_t count_row(const uint64_t *row, uint32_t words)
-{
-    uint32_t n = 0;
-    for (uint32_t w = 0; w < words; w++)
-        n += count_ones(row[w]);
-    return n;
+    return grid_visible(g, (size_t)y * g->width + x);
 }
 
 /* Predicts the next part that there is; false at the end. */
@@ -57,10 +49,10 @@ static bool begin_part(vcache_grid *g)
     g->active_count = g->emitted = 0;
     for (uint32_t at = 0; at < kept; at++) {
         grid_predict(g, at);
-        uint32_t asked = count_row(grid_row(g->asked, words, g->part[at]), words);
+        uint32_t asked = grid_count(grid_asked(g, g->part[at]), words);
         g->statistics.pixels += asked > 0;
         g->statistics.asked += asked;
-        if (count_row(grid_row(g->todo, words, at), words) > 0)
+        if (grid_any(grid_row(g->todo, words, at), words))
             g->active[g->active_count++] = at;
     }
     return n > 0;
@@ -70,8 +62,8 @@ static bool begin_part(vcache_grid *g)
 static uint32_t flood(vcache_grid *g, uint32_t at)
 {
     uint32_t words = g->words, count = 0;
-    const uint64_t *asked = grid_row(g->asked, words, g->part[at]);
-    uint64_t *visible = grid_row(g->visible, words, g->part[at]), *todo = grid_row(g->todo, words, at);
+    const uint64_t *asked = grid_asked(g, g->part[at]);
+    uint64_t *visible = grid_visible(g, g->part[at]), *todo = grid_row(g->todo, words, at);
     uint64_t *traced = grid_row(g->traced, words, at), *predicted = grid_row(g->predicted, words, at);
     uint64_t *doubtful = grid_row(g->doubtful, words, at);
     uint64_t *seen = g->scratch, *hidden = grid_row(g->scratch, words, 1);
@@ -129,7 +121,7 @@ static void emit(vcache_grid *g)
     memset(g->counts, 0, g->lights->count * sizeof *g->counts);
     for (; g->emitted < g->active_count; g->emitted++) {
         const uint64_t *todo = grid_row(g->todo, words, g->active[g->emitted]);
-        uint32_t n = count_row(todo, words);
+        uint32_t n = grid_count(todo, words);
         if (total + n > g->config.rays)
             break;
         total += n;
@@ -181,11 +173,10 @@ static void keep_blocker(vcache_grid *g, const vcache_grid_ray *r, float distanc
 
 void vcache_grid_tell(vcache_grid *g, const vcache_answer *answers, const float *distance)
 {
-    uint32_t words = g->words;
     for (uint32_t i = 0; i < g->ray_count; i++) {
         const vcache_grid_ray *r = &g->rays[i];
         uint64_t seen = answers[i] & VCACHE_VISIBLE;
-        grid_row(g->visible, words, r->pixel)[r->light / 64] |= seen << r->light % 64;
+        grid_visible(g, r->pixel)[r->light / 64] |= seen << r->light % 64;
         if (g->config.warping && !seen)
             keep_blocker(g, r, distance ? distance[i] : 0.0f);
     }

@@ -58,11 +58,11 @@ struct vcache_grid {
 
     /* the block */
     uint32_t width, height;
-    uint64_t *asked, *visible; /* [pixels][words] */
-    uint64_t *object;          /* [pixels] */
-    uint8_t *seen;             /* [pixels] 0: sees nothing */
-    float *position;           /* [pixels][3]; warping alone */
-    float *blocker;            /* [pixels][count][3] points, where blocked; warping alone */
+    uint64_t *bits;   /* [pixels][2][words]: lights asked for, and seen; with up to 256 lights a cache line */
+    uint64_t *object; /* [pixels] */
+    uint8_t *seen;    /* [pixels] 0: sees nothing */
+    float *position;  /* [pixels][3]; warping alone */
+    float *blocker;   /* [pixels][count][3] points, where blocked; warping alone */
 
     /* the part */
     grid_walk next, walk; /* where the next part stands; this one */
@@ -98,6 +98,32 @@ static inline void *grid_carve(char *block, size_t *at, size_t count, size_t siz
 static inline uint64_t *grid_row(uint64_t *rows, uint32_t words, size_t index)
 {
     return rows + index * words;
+}
+
+static inline uint64_t *grid_asked(const vcache_grid *g, size_t pixel)
+{
+    return grid_row(g->bits, g->words, 2 * pixel);
+}
+
+static inline uint64_t *grid_visible(const vcache_grid *g, size_t pixel)
+{
+    return grid_row(g->bits, g->words, 2 * pixel + 1);
+}
+
+static inline uint32_t grid_count(const uint64_t *row, uint32_t words)
+{
+    uint32_t n = 0;
+    for (uint32_t w = 0; w < words; w++)
+        n += count_ones(row[w]);
+    return n;
+}
+
+static inline bool grid_any(const uint64_t *row, uint32_t words)
+{
+    uint64_t all = 0;
+    for (uint32_t w = 0; w < words; w++)
+        all |= row[w];
+    return all != 0;
 }
 
 /* grid_predict.c: visibility of pixel `at` of the part as far as others know it, and what is to be traced there. */

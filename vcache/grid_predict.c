@@ -17,20 +17,16 @@ void grid_neighbours_of(const vcache_grid_lights *l, const uint64_t *of, uint64_
         }
 }
 
-static bool any(const uint64_t *row, uint32_t words)
+/* Lights that at least two informers call blocked. */
+static uint64_t blocked_twice(const uint64_t *const *asked, const uint64_t *const *visible, uint32_t count, uint32_t w)
 {
-    uint64_t all = 0;
-    for (uint32_t w = 0; w < words; w++)
-        all |= row[w];
-    return all != 0;
-}
-
-static uint32_t count_row(const uint64_t *row, uint32_t words)
-{
-    uint32_t n = 0;
-    for (uint32_t w = 0; w < words; w++)
-        n += count_ones(row[w]);
-    return n;
+    uint64_t once = 0, twice = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint64_t b = asked[i][w] & ~visible[i][w];
+        twice |= once & b;
+        once |= b;
+    }
+    return twice;
 }
 
 /* Without warping: a light is blocked where all agree, visible where all agree, else unclear. Of what is unclear those
@@ -40,22 +36,19 @@ static void agree(const vcache_grid *g, uint32_t pixel, const uint32_t *informer
                   uint64_t *blocked, uint64_t *unclear, uint64_t *guess, uint64_t *doubtful)
 {
     uint32_t words = g->words;
-    const uint64_t *asked = grid_row(g->asked, words, pixel);
+    const uint64_t *asked = grid_asked(g, pixel);
     const uint64_t *a[INFORMERS], *v[INFORMERS];
     for (uint32_t i = 0; i < INFORMERS; i++) { /* fewer: one speaks twice */
         uint32_t from = informers[i < count ? i : 0];
-        a[i] = grid_row(g->asked, words, from);
-        v[i] = grid_row(g->visible, words, from);
+        a[i] = grid_asked(g, from);
+        v[i] = grid_visible(g, from);
     }
     for (uint32_t w = 0; w < words; w++) {
         uint64_t known = a[0][w] & a[1][w] & a[2][w] & a[3][w];
         uint64_t seen = v[0][w] | v[1][w] | v[2][w] | v[3][w];
-        uint64_t hidden = 0, twice = 0;
-        for (uint32_t i = 0; i < count; i++) {
-            twice |= hidden & a[i][w] & ~v[i][w];
-            hidden |= a[i][w] & ~v[i][w];
-        }
-        known |= near ? twice & ~seen : 0;
+        uint64_t hidden = (a[0][w] & ~v[0][w]) | (a[1][w] & ~v[1][w]) | (a[2][w] & ~v[2][w]) | (a[3][w] & ~v[3][w]);
+        if (near)
+            known |= blocked_twice(a, v, count, w) & ~seen;
         blocked[w] = asked[w] & known & ~seen;
         unclear[w] = asked[w] & (~known | (seen & hidden));
         guess[w] = unclear[w] & seen;
@@ -68,13 +61,13 @@ static void count_blockers(const vcache_grid *g, uint32_t pixel, const uint32_t 
                            uint64_t *blocked, uint64_t *unclear)
 {
     uint32_t words = g->words, needed = (uint32_t)g->config.threshold + 1;
-    const uint64_t *asked = grid_row(g->asked, words, pixel);
+    const uint64_t *asked = grid_asked(g, pixel);
     needed = needed < count ? needed : count;
     for (uint32_t w = 0; w < words; w++) {
         uint64_t at_least[INFORMERS + 1] = {~(uint64_t)0}, known = ~(uint64_t)0; /* [k]: k blockers or more */
         for (uint32_t i = 0; i < count; i++) {
-            uint64_t a = grid_row(g->asked, words, informers[i])[w];
-            uint64_t b = a & ~grid_row(g->visible, words, informers[i])[w];
+            uint64_t a = grid_asked(g, informers[i])[w];
+            uint64_t b = a & ~grid_visible(g, informers[i])[w];
             known &= a;
             for (uint32_t k = INFORMERS; k > 0; k--)
                 at_least[k] |= at_least[k - 1] & b;
@@ -108,15 +101,14 @@ static void add_horizon(const vcache_grid *g, const uint64_t *asked, uint64_t *o
 }
 
 /* Bright lights at a boundary, or beside one that is unclear. */
-static void add_bright(const vcache_grid *g, const uint64_t *visible, const uint64_t *blocked, const uint64_t *unclear,
-                       uint64_t *out)
+static void add_bright(const vcache_grid *g, const uint64_t *visible, const uint64_t *blocked, uint64_t *todo)
 {
     uint32_t words = g->words;
     uint64_t *edge = grid_row(g->scratch, words, 6), *beside = grid_row(g->scratch, words, 7);
     boundary(g, visible, blocked, edge);
-    grid_neighbours_of(g->lights, unclear, beside);
+    grid_neighbours_of(g->lights, todo, beside);
     for (uint32_t w = 0; w < words; w++)
-        out[w] |= g->bright[w] & (edge[w] | beside[w]) & (visible[w] | blocked[w]);
+        todo[w] |= g->bright[w] & (edge[w] | beside[w]) & (visible[w] | blocked[w]);
 }
 
 /* Keeps informers on the pixel's object; returns how many. */
@@ -133,41 +125,39 @@ static void trace_all(vcache_grid *g, uint32_t at, bool begins)
 {
     uint32_t words = g->words, pixel = g->part[at];
     size_t bytes = words * sizeof(uint64_t);
-    const uint64_t *asked = grid_row(g->asked, words, pixel);
-    memset(grid_row(g->visible, words, pixel), 0, bytes);
+    const uint64_t *asked = grid_asked(g, pixel);
+    memset(grid_visible(g, pixel), 0, bytes);
     memcpy(grid_row(g->todo, words, at), asked, bytes);
     if (g->flooding) {
         memcpy(grid_row(g->traced, words, at), asked, bytes);
         memcpy(grid_row(g->doubtful, words, at), asked, bytes); /* nothing was predicted */
         memset(grid_row(g->predicted, words, at), 0, bytes);
     }
-    *(begins ? &g->statistics.coarse : &g->statistics.silhouette) += count_row(asked, words);
+    *(begins ? &g->statistics.coarse : &g->statistics.silhouette) += grid_count(asked, words);
 }
 
 /* Everything visible, nothing traced. */
 static void skip_all(vcache_grid *g, uint32_t at)
 {
     size_t bytes = g->words * sizeof(uint64_t);
-    memcpy(grid_row(g->visible, g->words, g->part[at]), grid_row(g->asked, g->words, g->part[at]), bytes);
+    memcpy(grid_visible(g, g->part[at]), grid_asked(g, g->part[at]), bytes);
     memset(grid_row(g->todo, g->words, at), 0, bytes);
 }
 
-/* What to trace, from what is predicted: into `todo`. */
+/* What to trace besides what is unclear, from what is predicted. `todo`: in, the unclear. */
 static void doubt(vcache_grid *g, const uint64_t *asked, const uint64_t *visible, const uint64_t *blocked,
-                  const uint64_t *unclear, uint64_t *todo)
+                  uint64_t *todo)
 {
     const vcache_grid_config *f = &g->config;
-    uint32_t words = g->words;
+    uint64_t *edge = grid_row(g->scratch, g->words, 6);
     if (f->boundary) {
-        boundary(g, visible, blocked, todo);
-        for (uint32_t w = 0; w < words; w++)
-            todo[w] |= unclear[w];
+        boundary(g, visible, blocked, edge);
+        for (uint32_t w = 0; w < g->words; w++)
+            todo[w] |= edge[w];
         if (f->order == VCACHE_GRID_SCANLINE)
             add_horizon(g, asked, todo);
-    } else {
-        memcpy(todo, unclear, words * sizeof *todo);
-        if (f->bright)
-            add_bright(g, visible, blocked, unclear, todo);
+    } else if (f->bright) {
+        add_bright(g, visible, blocked, todo);
     }
 }
 
@@ -175,7 +165,7 @@ void grid_predict(vcache_grid *g, uint32_t at)
 {
     const vcache_grid_config *f = &g->config;
     uint32_t words = g->words, pixel = g->part[at], informers[INFORMERS];
-    uint64_t *asked = grid_row(g->asked, words, pixel), *visible = grid_row(g->visible, words, pixel);
+    uint64_t *asked = grid_asked(g, pixel), *visible = grid_visible(g, pixel);
     if (f->order == VCACHE_GRID_EYE) {
         skip_all(g, at);
         return;
@@ -187,32 +177,32 @@ void grid_predict(vcache_grid *g, uint32_t at)
         trace_all(g, at, count == 0);
         return;
     }
-    uint64_t *blocked = g->scratch, *unclear = grid_row(g->scratch, words, 1), *todo = grid_row(g->todo, words, at);
+    uint64_t *blocked = g->scratch, *todo = grid_row(g->todo, words, at); /* first of all what is unclear */
     uint64_t *guess = grid_row(g->scratch, words, 3), *doubt_row = grid_row(g->scratch, words, 8);
     if (f->warping)
-        grid_warp(g, pixel, informers, alike, blocked, unclear);
+        grid_warp(g, pixel, informers, alike, blocked, todo);
     else if (f->boundary)
-        count_blockers(g, pixel, informers, alike, blocked, unclear);
+        count_blockers(g, pixel, informers, alike, blocked, todo);
     if (f->warping || f->boundary) {
         memset(guess, 0, words * sizeof *guess);
-        memcpy(doubt_row, unclear, words * sizeof *doubt_row);
+        memcpy(doubt_row, todo, words * sizeof *doubt_row);
     } else {
-        agree(g, pixel, informers, alike, near, blocked, unclear, guess, doubt_row);
+        agree(g, pixel, informers, alike, near, blocked, todo, guess, doubt_row);
     }
     for (uint32_t w = 0; w < words; w++)
-        visible[w] = asked[w] & ~blocked[w] & ~(f->boundary ? 0 : unclear[w]);
-    doubt(g, asked, visible, blocked, unclear, todo);
-    g->statistics.uncertain += count_row(todo, words);
+        visible[w] = asked[w] & ~blocked[w] & ~(f->boundary ? 0 : todo[w]);
+    doubt(g, asked, visible, blocked, todo);
+    g->statistics.uncertain += grid_count(todo, words);
     if (g->flooding) {
         /* Of what is doubtful any answer is a surprise: its neighbours come along at once. */
         uint64_t *doubtful = grid_row(g->doubtful, words, at), *traced = grid_row(g->traced, words, at);
         uint64_t *predicted = grid_row(g->predicted, words, at), *beside = grid_row(g->scratch, words, 2);
-        if (!f->boundary && !f->restricted && any(doubt_row, words)) {
+        if (!f->boundary && !f->restricted && grid_any(doubt_row, words)) {
             grid_neighbours_of(g->lights, doubt_row, beside);
-            uint32_t before = count_row(todo, words);
+            uint32_t before = grid_count(todo, words);
             for (uint32_t w = 0; w < words; w++)
                 todo[w] |= beside[w] & asked[w];
-            g->statistics.flooded += count_row(todo, words) - before;
+            g->statistics.flooded += grid_count(todo, words) - before;
         }
         for (uint32_t w = 0; w < words; w++) {
             doubtful[w] = f->boundary ? 0 : doubt_row[w];

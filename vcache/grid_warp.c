@@ -28,11 +28,11 @@ void grid_warp(vcache_grid *g, uint32_t pixel, const uint32_t *informers, uint32
                uint64_t *unclear)
 {
     uint32_t words = g->words, lights = g->lights->count;
-    const uint64_t *asked = grid_row(g->asked, words, pixel);
+    const uint64_t *asked = grid_asked(g, pixel);
     memset(g->hits, 0, lights);
     for (uint32_t i = 0; i < count; i++)
         for (uint32_t w = 0; w < words; w++) {
-            uint64_t bits = grid_row(g->asked, words, informers[i])[w] & ~grid_row(g->visible, words, informers[i])[w];
+            uint64_t bits = grid_asked(g, informers[i])[w] & ~grid_visible(g, informers[i])[w];
             for (; bits; bits &= bits - 1) {
                 size_t light = 64 * w + (uint32_t)count_trailing_zeros(bits);
                 drop(g, pixel, g->blocker + 3 * ((size_t)informers[i] * lights + light));
@@ -41,7 +41,7 @@ void grid_warp(vcache_grid *g, uint32_t pixel, const uint32_t *informers, uint32
     for (uint32_t w = 0; w < words; w++) {
         uint64_t known = ~(uint64_t)0;
         for (uint32_t i = 0; i < count; i++)
-            known &= grid_row(g->asked, words, informers[i])[w];
+            known &= grid_asked(g, informers[i])[w];
         blocked[w] = unclear[w] = 0;
         for (uint64_t bits = asked[w]; bits; bits &= bits - 1) {
             uint64_t bit = bits & -bits;

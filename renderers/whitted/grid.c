@@ -37,7 +37,9 @@ struct grid_station {
     vcache_answer *answers;
     float *distances; /* NULL: nobody asks */
     float *cosines;
-    uint64_t *kept; /* [CHUNK][words of the scene's lights] */
+    vec3 normal, geometric_normal; /* of the sample that was asked for last */
+    const uint64_t *like;          /* what it asked for; NULL: none in this block */
+    uint64_t *kept;                /* [CHUNK][words of the scene's lights] */
     ray_packet packet;
     uint64_t asked;
     double rays_s;
@@ -56,7 +58,7 @@ bool grid_parse(const char *text, settings *f, message *err)
 {
     char mode[64], why[VCACHE_MESSAGE_BYTES], *block, *end;
     f->grid = vcache_grid_default_config();
-    f->grid_block = 128;
+    f->grid_block = 64;
     if (!text)
         return true;
     snprintf(mode, sizeof mode, "%s", text);
@@ -222,12 +224,25 @@ static bool lattice_pixel(const grid_station *o, const tile *t, const eye_sample
     return true;
 }
 
-/* Lights above the horizon. */
+static bool same(vec3 a, vec3 b)
+{
+    return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/* Lights above the horizon: on a flat surface the same as at the sample before. */
 static void ask(grid_station *o, const eye_sample *e, uint64_t *asked)
 {
     const grid_scene *g = o->scene;
-    if (!(material_reflectance(&e->surface) > 0.0f))
+    const surface *s = &e->surface;
+    if (!(material_reflectance(s) > 0.0f))
         return;
+    if (o->like && same(s->normal, o->normal) && same(s->geometric_normal, o->geometric_normal)) {
+        memcpy(asked, o->like, g->words * sizeof *asked);
+        return;
+    }
+    o->normal = s->normal;
+    o->geometric_normal = s->geometric_normal;
+    o->like = asked;
     punctuals_cosines(&g->punctual, &e->surface, o->cosines);
     if (g->first) {
         shade_bits_above(o->cosines, 0.0f, g->words, asked);
@@ -292,6 +307,7 @@ static void trace(grid_station *o, const vcache_grid_ray *rays, uint32_t count)
 static void decide(grid_station *o)
 {
     vcache_grid_begin(o->grid, o->width, o->height);
+    o->like = NULL;
     memset(o->traced, 0, (size_t)o->width * o->height * sizeof *o->traced);
     for (uint32_t k = 0; k < o->tile_count; k++)
         place_samples(o, &o->tiles[k]);
