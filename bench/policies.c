@@ -105,6 +105,11 @@ static const policy policies[] = {
     GRID("e finest ce 8, 2 agree", .ce = 32, .levels = 3, .agree = 2),
     GRID("e finest ce 16, 2 agree", .ce = 64, .levels = 3, .agree = 2),
 
+    GRID("e ce 16, floods to 6 nearest lights", .ce = 16, .flood = 6),
+    GRID("e ce 32, floods to 6 nearest lights", .ce = 32, .flood = 6),
+    GRID("e ce 64, floods to 6 nearest lights", .ce = 64, .flood = 6),
+    GRID("e ce 64, 2 levels, floods to 6 nearest lights", .ce = 64, .levels = 2, .flood = 6),
+
     GRID("f ce 32, middle 0.5", .ce = 32, .middle = 0.5f),
     GRID("f ce 32, middle 0.7", .ce = 32, .middle = 0.7071f),
     GRID("f ce 32, middle 0.9", .ce = 32, .middle = 0.9f),

@@ -20,10 +20,11 @@ typedef struct grid_policy {
     int deeper;         /* with power: refined at most so many levels below the start cell */
     float distance;     /* > 0: the start cell's side is at most this times the distance to the light */
     int agree;          /* > 0: starts at the finest level; where so many levels above it agree, takes their answer */
-    float middle;       /* > 0: only points in this middle part of a side may define a cell */
-    bool share_lights;  /* lights of one light cell share a bit */
-    bool eye_contacts;  /* only pairs nearer than an eye cell are traced as contacts, whatever the light's cell is */
-    float jitter;       /* the cell is looked up within +- half of this times its side */
+    int flood; /* > 0: a ray that refutes a coarser cell has so many of its light's nearest lights traced, and so on */
+    float middle;      /* > 0: only points in this middle part of a side may define a cell */
+    bool share_lights; /* lights of one light cell share a bit */
+    bool eye_contacts; /* only pairs nearer than an eye cell are traced as contacts, whatever the light's cell is */
+    float jitter;      /* the cell is looked up within +- half of this times its side */
 } grid_policy;
 
 typedef enum offset_rule { OFFSET_STRATIFIED, OFFSET_INDEPENDENT } offset_rule;

@@ -15,11 +15,13 @@ typedef struct replay {
     rgb *difference;
     float *near_squared; /* of each light: nearer eye samples are answered exactly */
     uint32_t *group;     /* of each light: the next of its light cell, in a ring */
+    uint32_t *nearest;   /* [lights][flood] by distance */
     /* of the eye sample at hand */
     _Alignas(8) char eye[VCACHE_EYE_BYTES];
     float *squared_distance, *excess;
     record_row row;
     uint64_t *near_bits, *open, *answer;
+    uint64_t *traced, *refuted;   /* with flooding */
     uint64_t *from[ALL_LEVELS];   /* pairs that start at this level or below */
     uint64_t *deeper[ALL_LEVELS]; /* pairs that may go on below this level */
     replay_result result;
@@ -219,8 +221,10 @@ static void walk_down(replay *s, uint32_t eye, const vcache_eye *end, const uint
             uint64_t hit = here & (known ? known[w] : 0), missing = here & ~hit, visible = known ? known[words + w] : 0;
             if (missing)
                 s->answer[w] |= trace(s, row, w, missing, seen[w]);
+            s->traced[w] |= missing;
             uint64_t differs = count && hit ? hit & s->deeper[d][w] & differing(around, count, words, w, visible) : 0;
             s->answer[w] |= visible & hit & ~differs;
+            s->refuted[w] |= differs & (visible ^ seen[w]);
             /* who goes on has started: from now on as any pair of the next level */
             left[w] = later | differs;
             if (!last)
@@ -230,6 +234,35 @@ static void walk_down(replay *s, uint32_t eye, const vcache_eye *end, const uint
             any |= left[w];
         }
     }
+}
+
+/* Traces the neighbours of lights whose ray refuted a coarser cell, and theirs where answers were wrong (Ben-Artzi et
+ * al. 2006, Sect. 4.2). */
+static void flood(replay *s, const vcache_eye *end, const uint64_t *asked, const uint64_t *seen)
+{
+    uint32_t words = s->r->words, count = (uint32_t)s->p->flood;
+    uint64_t *finest = cells_row(&s->cells, cells_add(&s->cells, end->level[end->levels - 1].center));
+    for (uint32_t w = 0; w < words; w++)
+        s->refuted[w] &= s->traced[w];
+    for (uint32_t w = 0; w < words; w++)
+        while (s->refuted[w]) {
+            uint32_t from = 64 * w + (uint32_t)__builtin_ctzll(s->refuted[w]), back = w;
+            s->refuted[w] &= s->refuted[w] - 1;
+            for (uint32_t k = 0; k < count; k++) {
+                uint32_t i = s->nearest[(size_t)from * count + k], v = i / 64;
+                uint64_t bit = (uint64_t)1 << i % 64;
+                if (!(asked[v] & bit) || (s->traced[v] & bit))
+                    continue;
+                s->result.rays++;
+                s->traced[v] |= bit;
+                s->refuted[v] |= (s->answer[v] ^ seen[v]) & bit;
+                s->answer[v] = (s->answer[v] & ~bit) | (seen[v] & bit);
+                finest[v] |= bit;
+                finest[words + v] |= seen[v] & bit;
+                back = v < back ? v : back;
+            }
+            w = back;
+        }
 }
 
 /* Coarser levels first, as witnesses; a ray defines all cells that are unknown. */
@@ -283,7 +316,11 @@ static void one_eye(replay *s, uint32_t eye)
         walk_up(s, end, seen);
     } else {
         choose_levels(s, eye, end->levels, side);
+        fill(s->refuted, r->words, false);
+        memcpy(s->traced, s->near_bits, r->words * sizeof *s->traced);
         walk_down(s, eye, end, seen);
+        if (s->p->flood > 0 && end->levels > 0)
+            flood(s, end, asked, seen);
     }
     rgb *d = &s->difference[r->pixel[eye]];
     for (uint32_t w = 0; w < r->words; w++)
@@ -317,6 +354,27 @@ static void prepare_lights(replay *s)
     free(ends);
 }
 
+/* The `flood` nearest lights of each, by insertion. */
+static void find_nearest(replay *s)
+{
+    const vpl_set *l = &s->r->lights;
+    uint32_t count = (uint32_t)s->p->flood;
+    float *distance = xcalloc(count + 1, sizeof *distance);
+    for (uint32_t i = 0; i < l->count; i++) {
+        uint32_t *out = s->nearest + (size_t)i * count, found = 0;
+        for (uint32_t k = 0; k < l->count; k++) {
+            float x = l->x[k] - l->x[i], y = l->y[k] - l->y[i], z = l->z[k] - l->z[i], d = x * x + y * y + z * z;
+            if (k == i || (found == count && d >= distance[count - 1]))
+                continue;
+            uint32_t at = found < count ? found++ : count - 1;
+            for (; at > 0 && distance[at - 1] > d; at--)
+                distance[at] = distance[at - 1], out[at] = out[at - 1];
+            distance[at] = d, out[at] = k;
+        }
+    }
+    free(distance);
+}
+
 replay_result replay_grid(const record *r, const grid_policy *p)
 {
     replay *s = xcalloc(1, sizeof *s);
@@ -334,7 +392,8 @@ replay_result replay_grid(const record *r, const grid_policy *p)
     s->squared_distance = xcalloc(r->padded, sizeof *s->squared_distance);
     s->excess = xcalloc(r->padded, sizeof *s->excess);
     s->row = record_row_new(r);
-    uint64_t **sets[] = {&s->near_bits, &s->open, &s->answer};
+    s->nearest = xcalloc((size_t)r->padded * (size_t)(p->flood > 0 ? p->flood : 1), sizeof *s->nearest);
+    uint64_t **sets[] = {&s->near_bits, &s->open, &s->answer, &s->traced, &s->refuted};
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++)
         *sets[i] = xcalloc(r->words, sizeof **sets[i]);
     for (int d = 0; d < ALL_LEVELS; d++) {
@@ -343,6 +402,8 @@ replay_result replay_grid(const record *r, const grid_policy *p)
     }
     cells_new(&s->cells, r->words);
     prepare_lights(s);
+    if (p->flood > 0 && r->lights.count > (uint32_t)p->flood)
+        find_nearest(s);
 
     uint32_t *order = xmalloc(r->count * sizeof *order);
     record_sort(r, p->order, (double)p->ce / sqrt(r->view.settings.spp), order);
@@ -364,6 +425,7 @@ replay_result replay_grid(const record *r, const grid_policy *p)
     free(s->squared_distance);
     free(s->excess);
     free(s->group);
+    free(s->nearest);
     free(s->near_squared);
     free(s->difference);
     vcache_destroy(&s->cache);
