@@ -45,7 +45,7 @@ def verdict(maps, cached):
         here = f'{side(m)} ({number(m, "figures.l_inf", "percent")}): maps {number(m, "figures.faster", "times")}, ' \
                f'{number(m, "figures.without_building", "times")} without making them; '
         if best is None:
-            lines.append(f'<li class="loses">{here}the cache was not tried with so small an error</li>')
+            lines.append(f'<li class="loses">{here}no C_E of the cache that was tried gets there</li>')
             continue
         speed = best["point"]["frame"]
         wins = "wins" if speed > m["figures"]["without_building"] else "loses"
