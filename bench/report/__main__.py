@@ -14,6 +14,7 @@ FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in sc
   converged  error against the converged image over time
   pictures   where images are wrong, and how it looks; of the images of `curves`
   flicker    how errors change while camera or lights move
+  edges      where the edges of hard shadows go, and how ragged they are
   maps       plain shadow maps beside the cache's frames of `lights`
 """
 import csv
@@ -24,7 +25,7 @@ import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from report import converged, curves, flicker, headline, lights, made, pictures, shadow_maps
+from report import converged, curves, edges, flicker, headline, lights, made, pictures, shadow_maps
 from report.cases import ALL, present
 from report.cases_hard import HARD
 from report.levels import LEVELS
@@ -36,9 +37,9 @@ from scenes import ROOT, Failure, Parser, is_builtin, missing_file, run_main
 # Anchor; module with TITLE and section(a, rows), which gives HTML; whose rows it shows (labels["section"] of cases.py).
 SECTIONS = [("headline", headline, "curves"), ("curves", curves, "curves"), ("lights", lights, "lights"),
             ("converged", converged, "converged"), ("pictures", pictures, "pictures"), ("maps", shadow_maps, "maps"),
-            ("flicker", flicker, "flicker")]
+            ("flicker", flicker, "flicker"), ("edges", edges, "edges")]
 # Programs of their own, which lie beside zoom.
-BESIDE = ["shadow_maps", "sequence"]
+BESIDE = ["shadow_maps", "sequence", "edges"]
 
 
 def parse():

@@ -46,4 +46,24 @@ def flicker(a, level):
                    cost=cost(level, s["spp"], s["vpls"] or s["env_lights"], s["frames"] * (1 + 0.7 * len(ways))))
 
 
-HARD = [maps, flicker]
+EDGE_WAYS = [order + plain for plain in ("", "-plain") for order in ("halton", "scanline", "random")]
+
+
+def edges(a, level):
+    e = level.edges
+    _, of_points, words = hard(a, level)
+    places = [(of_points, words)]
+    places += [(s, scene_words(a, s) + sky(a, s) + ["--env-lights", "16"]) for s in a.present(["shapes"])]
+    for scene, words in places:
+        for ce in e["ce"]:
+            case = Case(f"edges/{scene}/{ce}", ["edges", *words, "--size", e["size"], "--ce", str(ce)],
+                        {"section": "edges", "scene": scene, "method": "edges", "value": ce},
+                        cost=0.5 + 2 * cost(level, 1, 24, 8))
+            if ce == e["shown"]:
+                prefix = f"pictures/edges-{scene}"
+                case.words += ["--picture", prefix]
+                case.makes = tuple(f"{prefix}{zoom}-{way}.png" for zoom in ("", "-zoom") for way in ["exact", *EDGE_WAYS])
+            yield case
+
+
+HARD = [maps, flicker, edges]

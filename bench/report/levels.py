@@ -22,6 +22,7 @@ class Level:
     converged_knobs: dict
     maps: list          # texels a side of shadow maps
     sequence: dict      # of moving pictures: frames, paths a pixel, C_E, environment lights, virtual lights
+    edges: dict         # of hard shadows: size, C_E, that of the pictures
 
 
 LEVELS = {
@@ -39,7 +40,8 @@ LEVELS = {
         {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
         maps=[1024, 2048, 4096, 6000],
         sequence={"frames": 60, "spp": 4, "ce": [2, 4, 8, 16, 32], "env_lights": 64, "vpls": 256,
-                  "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]}),
+                  "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]},
+        edges={"size": "640x360", "ce": [2, 4, 8, 16], "shown": 8}),
     "quick": Level(
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
@@ -51,7 +53,8 @@ LEVELS = {
         {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]},
         maps=[128, 256, 512],
         sequence={"frames": 8, "spp": 4, "ce": [4, 16], "env_lights": 36, "vpls": 0, "grid": ["NEAR", "OPT"],
-                  "estimate": [4]}),
+                  "estimate": [4]},
+        edges={"size": "320x180", "ce": [4, 8], "shown": 8}),
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
@@ -60,4 +63,5 @@ LEVELS = {
         {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]},
         maps=[32, 64],
         sequence={"frames": 2, "spp": 4, "ce": [4], "env_lights": 36, "vpls": 16, "grid": ["NEAR"],
-                  "estimate": [4]})}
+                  "estimate": [4]},
+        edges={"size": "96x54", "ce": [4], "shown": 4})}
