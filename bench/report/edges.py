@@ -76,15 +76,20 @@ def crops(a, row):
     ways = ["exact"] + [w["name"] for w in row["figures"]["ways"]]
     whole = "".join(f'<figure>{picture(a, f"{prefix}-{way}.png", way)}<figcaption>{name(said)}</figcaption></figure>'
                     for way, said in (("exact", "exact"), ("halton", words("halton")), ("scanline-plain", words("scanline-plain"))))
-    small = []
-    for way in ways:
+
+    def enlarged(way):
         said = "exact" if way == "exact" else words(way)
         one = picture(a, f"{prefix}-zoom-{way}.png", said)
-        small.append(f'<figure>{one}{one.replace("<img ", "<img class=large ", 1)}<figcaption>{name(said)}</figcaption></figure>')
+        large = one.replace("<img ", '<img class="large" ', 1)
+        return f"<figure>{one}{large}<figcaption>{name(said)}</figcaption></figure>"
+
+    refined = [way for way in ways if "-" not in way]
+    parts = "".join(f'<div class="row crops">{"".join(map(enlarged, some))}</div>'
+                    for some in (refined, [way for way in ways if way not in refined]))
     place = f'<p>Where they differ most, pixel by pixel and enlarged: {number(row, "figures.side", "plain")} pixels a side ' \
             f'at ({number(row, "figures.x", "plain")}, {number(row, "figures.y", "plain")}), C_E = ' \
             f'{number(row, "figures.ce", "plain")}.</p>'
-    return f'<div class="row whole">{whole}</div>{place}<div class="row crops">{"".join(small)}</div>'
+    return f'<div class="row whole">{whole}</div>{place}{parts}'
 
 
 def scene_section(a, scene, own):
