@@ -6,10 +6,10 @@
  * One eye path a pixel. Of each punctual light, rows of 4 C_E pixels (at least 16) on one plane, all facing the light,
  * of which exact has the left half in light and the right in shade, or the other way round: an edge, in its middle. How
  * many more of these pixels the cache sees as the left half is the edge's shift to the right; the same down in columns.
- * Where the row below has an edge too, at most two pixels aside, the change of the shift from one to the other is raggedness
- * that exact does not have: its root mean square, in pixels. Orders of eye samples: the renderer's own (Halton order in
- * tiles along a Morton curve), scanlines, random; with refinement and without. Prints JSON. --picture: the image in each
- * way as PREFIX-WAY.png and of the worst place, the same in all, PREFIX-zoom-WAY.png.
+ * Where the row below has an edge too, at most two pixels aside, the change of the shift from one to the other is
+ * raggedness that exact does not have: its root mean square, in pixels. Orders of eye samples: the renderer's own
+ * (Halton order in tiles along a Morton curve), scanlines, random; with refinement and without. Prints JSON. --picture:
+ * the image in each way as PREFIX-WAY.png and of the worst place, the same in all, PREFIX-zoom-WAY.png.
  */
 #include "lighting.h"
 
@@ -79,8 +79,8 @@ static bool on_plane(const scan *s, const light_bits *exact, uint32_t of_light, 
 }
 
 /* Whether an edge lies in the middle of these pixels; *shift of it along them. */
-static bool edge(const scan *s, const light_bits *exact, const light_bits *other, uint32_t of_light, size_t at, size_t step,
-                 double *shift)
+static bool edge(const scan *s, const light_bits *exact, const light_bits *other, uint32_t of_light, size_t at,
+                 size_t step, double *shift)
 {
     uint32_t middle = s->eye[at + (s->half - 1) * step], behind = s->eye[at + s->half * step];
     if (middle == UINT32_MAX || behind == UINT32_MAX ||
@@ -267,7 +267,12 @@ int main(int argc, char *argv[])
     s.cache_mb = 64;
     const option table[] = {
         STAGE_OPTIONS(&s),
-        {.name = "ce", .kind = OPTION_FLOAT, .value = &s.settings.ce, .min = 1, .max = 256, .metavar = "X",
+        {.name = "ce",
+         .kind = OPTION_FLOAT,
+         .value = &s.settings.ce,
+         .min = 1,
+         .max = 256,
+         .metavar = "X",
          .help = "C_E: pixels a cell side"},
         {.name = "picture", .kind = OPTION_STRING, .value = &prefix, .metavar = "PREFIX", .help = "of PNG files"},
     };

@@ -80,8 +80,8 @@ void stage_print(const stage *s, uint32_t eyes)
 {
     printf("\"triangles\": %llu, \"width\": %u, \"height\": %u, \"spp\": %d, \"threads\": 1, \"eye_samples\": %u, "
            "\"lights\": %u, \"vpls\": %u, \"punctual_lights\": %u",
-           (unsigned long long)s->scene->triangle_count, s->settings.width, s->settings.height, s->settings.spp,
-           eyes, s->lights.count + s->scene->light_count, s->lights.count, s->scene->light_count);
+           (unsigned long long)s->scene->triangle_count, s->settings.width, s->settings.height, s->settings.spp, eyes,
+           s->lights.count + s->scene->light_count, s->lights.count, s->scene->light_count);
 }
 
 /* ------------------------------------------------------------------------------------------------------- lighting */

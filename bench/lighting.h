@@ -24,17 +24,35 @@ typedef struct stage {
 /* Entries of an option table that set stage *s. */
 #define STAGE_OPTIONS(s)                                                                                               \
     PROGRAM_OPTION_SIZE(&(s)->arguments),                                                                              \
-        {.name = "spp", .kind = OPTION_INT, .value = &(s)->arguments.spp, .min = 1, .max = PASS,                       \
+        {.name = "spp",                                                                                                \
+         .kind = OPTION_INT,                                                                                           \
+         .value = &(s)->arguments.spp,                                                                                 \
+         .min = 1,                                                                                                     \
+         .max = PASS,                                                                                                  \
          .help = "eye paths per pixel"},                                                                               \
-        {.name = "vpls", .kind = OPTION_INT, .value = &(s)->settings.vpls, .min = 0, .max = 65536,                     \
+        {.name = "vpls",                                                                                               \
+         .kind = OPTION_INT,                                                                                           \
+         .value = &(s)->settings.vpls,                                                                                 \
+         .min = 0,                                                                                                     \
+         .max = 65536,                                                                                                 \
          .help = "virtual point lights, of the first camera"},                                                         \
         PROGRAM_OPTIONS_ENV(&(s)->arguments),                                                                          \
-        {.name = "env-lights", .kind = OPTION_INT, .value = &(s)->settings.env_lights, .min = 0, .max = 4096,          \
+        {.name = "env-lights",                                                                                         \
+         .kind = OPTION_INT,                                                                                           \
+         .value = &(s)->settings.env_lights,                                                                           \
+         .min = 0,                                                                                                     \
+         .max = 4096,                                                                                                  \
          .help = "the environment as N directional lights"},                                                           \
         PROGRAM_OPTIONS_CAMERA(&(s)->arguments),                                                                       \
-        {.name = "cache-mb", .kind = OPTION_INT, .value = &(s)->cache_mb, .min = 1, .max = 16384,                      \
+        {.name = "cache-mb",                                                                                           \
+         .kind = OPTION_INT,                                                                                           \
+         .value = &(s)->cache_mb,                                                                                      \
+         .min = 1,                                                                                                     \
+         .max = 16384,                                                                                                 \
          .help = "size of each cache in MiB"},                                                                         \
-        {.name = "seed", .kind = OPTION_UINT64, .value = &(s)->arguments.seed, .help = "seed of all random numbers"}
+    {                                                                                                                  \
+        .name = "seed", .kind = OPTION_UINT64, .value = &(s)->arguments.seed, .help = "seed of all random numbers"     \
+    }
 
 stage stage_defaults(const char *program);
 /* Parses and loads; where there is nothing to do *code is the program's exit code. Free the stage in any case. The

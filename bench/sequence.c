@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Does it flicker? Renders a sequence of frames exactly and in other ways, and says how much the difference changes from
- * frame to frame (temporal.h).
+/* Does it flicker? Renders a sequence of frames exactly and in other ways, and says how much the difference changes
+ * from frame to frame (temporal.h).
  *
  *     sequence SCENE --motion camera|light [--frames N] --ways WAY:VALUE,... [--size WxH] [--env-lights N] ...
  *
  * Ways: cache:C_E is emptied for each frame; kept:C_E is not, it forgets what it knew of lights that moved;
- * unrefined:C_E is emptied, and has one level; estimate:K and grid:MODE are frames of whitted's. The camera goes forward
- * by a thousandth of the scene's diagonal and turns by a quarter of a degree a frame; directional lights (the
+ * unrefined:C_E is emptied, and has one level; estimate:K and grid:MODE are frames of whitted's. The camera goes
+ * forward by a thousandth of the scene's diagonal and turns by a quarter of a degree a frame; directional lights (the
  * environment's too) turn by a degree, all others stand. Virtual point lights stand as well: those of the first frame.
  * Prints JSON; `rays`: share of exact's. Grid modes are compared with exact frames of their own eye paths.
  */
@@ -210,8 +210,7 @@ static void print(sequence *s, uint32_t eye_count)
 {
     printf("{");
     stage_print(&s->stage, eye_count);
-    printf(", \"frames\": %d, \"light\": %.9g, \"ways\": [", s->frames,
-           s->ways[0].sums.light / (s->frames - 1));
+    printf(", \"frames\": %d, \"light\": %.9g, \"ways\": [", s->frames, s->ways[0].sums.light / (s->frames - 1));
     for (int i = 0; i < s->count; i++) {
         way *w = &s->ways[i];
         forget(w);
@@ -252,7 +251,10 @@ int main(int argc, char *argv[])
         STAGE_OPTIONS(&s.stage),
         {.name = "motion", .kind = OPTION_CHOICE, .value = &s.motion, .choices = motions, .help = "what moves"},
         {.name = "frames", .kind = OPTION_INT, .value = &s.frames, .min = 2, .max = 10000, .help = "how many"},
-        {.name = "ways", .kind = OPTION_STRING, .value = &s.words, .metavar = "WAY:VALUE,...",
+        {.name = "ways",
+         .kind = OPTION_STRING,
+         .value = &s.words,
+         .metavar = "WAY:VALUE,...",
          .help = "cache, kept, unrefined :C_E; estimate:K; grid:MODE"},
     };
     if (stage_open(&s.stage, "How the error changes from frame to frame, as JSON.", table, sizeof table / sizeof *table,

@@ -7,8 +7,8 @@
  *     shadow_maps SCENE [--map N] [--size WxH] ...
  *
  * Prints JSON. `bias`: of those in `sweep`, in texels, the one with the fewest wrong pairs. `frame_s`, of which
- * `build_s` and `lookup_s` are part, is that of a frame by maps, `exact_s` that of one by rays, `visibility_s` its rays.
- * How much faster: `faster`; `without_building`, as if maps were there already; `limit`, no visibility at all.
+ * `build_s` and `lookup_s` are part, is that of a frame by maps, `exact_s` that of one by rays, `visibility_s` its
+ * rays. How much faster: `faster`; `without_building`, as if maps were there already; `limit`, no visibility at all.
  */
 #include "lighting.h"
 
@@ -160,8 +160,7 @@ static void ask_light(const stage *s, const receiver *at, uint32_t count, const 
     for (uint32_t k = 0; k < FACES; k++) {
         if (buckets[k].count == 0)
             continue;
-        face f = l->kind == LIGHT_DIRECTIONAL ? parallel_face(l, s->scene, size, depth)
-                                              : cube_face(l, k, size, depth);
+        face f = l->kind == LIGHT_DIRECTIONAL ? parallel_face(l, s->scene, size, depth) : cube_face(l, k, size, depth);
         ask(&f, s, at, &buckets[k], index, out);
     }
 }
@@ -244,10 +243,10 @@ static void compare(const stage *s, uint32_t size)
     printf(", \"map\": %u, \"maps\": %u, \"bias\": %g, \"build_s\": %.9g, \"lookup_s\": %.9g, "
            "\"exact_s\": %.9g, \"visibility_s\": %.9g, \"frame_s\": %.9g, ",
            size, r.maps, (double)biases[best], r.build_s, r.lookup_s, exact_s, exact.decide_s, maps_s);
-    printf("\"faster\": %.9g, \"without_building\": %.9g, \"limit\": %.9g, ", exact_s / maps_s,
-           exact_s / without_s, exact_s / (exact_s - exact.decide_s));
-    printf("\"l_inf\": %.9g, \"p999\": %.9g, \"mispredicted\": %.9g, \"flip\": %.9g, \"sweep\": [", e.l_inf,
-           e.p999, share[best], flip);
+    printf("\"faster\": %.9g, \"without_building\": %.9g, \"limit\": %.9g, ", exact_s / maps_s, exact_s / without_s,
+           exact_s / (exact_s - exact.decide_s));
+    printf("\"l_inf\": %.9g, \"p999\": %.9g, \"mispredicted\": %.9g, \"flip\": %.9g, \"sweep\": [", e.l_inf, e.p999,
+           share[best], flip);
     for (int k = 0; k < BIASES; k++)
         printf("%s{\"bias\": %g, \"mispredicted\": %.9g}", k ? ", " : "", (double)biases[k], share[k]);
     printf("]}\n");

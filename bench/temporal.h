@@ -15,10 +15,10 @@ typedef struct temporal {
 
 /* Images of one size, which stay the caller's. */
 void temporal_add(temporal *t, const image *exact, const image *mode);
-/* Members of a JSON object, of at least two frames: `error`, `error_max`: of the frames themselves, mean of l_inf (share
- * of all light) and the largest difference of a pixel over the mean pixel; `change`, `change_p999`, `change_max`: the
- * same of the change of the signed difference, with its 99.9th percentile, mean and largest over the frames; `light`:
- * l_inf of the exact frames' own change. */
+/* Members of a JSON object, of at least two frames: `error`, `error_max`: of the frames themselves, mean of l_inf
+ * (share of all light) and the largest difference of a pixel over the mean pixel; `change`, `change_p999`,
+ * `change_max`: the same of the change of the signed difference, with its 99.9th percentile, mean and largest over the
+ * frames; `light`: l_inf of the exact frames' own change. */
 void temporal_print(const temporal *t);
 void temporal_free(temporal *t);
 
