@@ -17,7 +17,7 @@ def maps(a, level):
         yield Case(f"maps/{scene}/{size}", ["shadow_maps", *words, "--size", level.size, "--spp", str(level.spp),
                                             "--map", word(size)],
                    {"section": "maps", "kind": kind, "scene": scene, "method": "maps", "value": size},
-                   cost=0.5 + 8e-6 * size * size)
+                   cost=0.5 + 2e-5 * size * size)
 
 
 def moving(a, level):
