@@ -66,4 +66,4 @@ def edges(a, level):
             yield case
 
 
-HARD = [maps, flicker, edges]
+HARD = [maps, edges, flicker]

@@ -39,7 +39,7 @@ LEVELS = {
         ["atrium", "conference-lights", "kitchen", "conference", "living-room"], 2048,
         {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
         maps=[1024, 2048, 4096, 6000],
-        sequence={"frames": 60, "spp": 4, "ce": [2, 4, 8, 16, 32], "env_lights": 64, "vpls": 256,
+        sequence={"frames": 60, "spp": 4, "ce": [4, 8, 16, 32], "env_lights": 64, "vpls": 128,
                   "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]},
         edges={"size": "640x360", "ce": [2, 4, 8, 16], "shown": 8}),
     "quick": Level(
