@@ -2,7 +2,6 @@
 /* Records a view by rendering it exactly once. */
 #include "record.h"
 
-#include "halton/halton.h"
 #include "renderers/common/parallel.h"
 
 #include <float.h>
@@ -37,52 +36,21 @@ static bool load(const record_options *o, record *r, message *err)
     return true;
 }
 
-/* Room for `more` eye samples. */
-static void grow(record *r, size_t *capacity, size_t more)
-{
-    if (r->count + more <= *capacity)
-        return;
-    *capacity = 2 * (r->count + more);
-    r->eyes = xrealloc(r->eyes, *capacity * sizeof *r->eyes);
-    r->pixel = xrealloc(r->pixel, *capacity * sizeof *r->pixel);
-    r->visible = xrealloc(r->visible, *capacity * r->words * sizeof *r->visible);
-    r->asked = xrealloc(r->asked, *capacity * r->words * sizeof *r->asked);
-}
-
-/* Traces the eye paths of all tiles again, in the order of the frame's, and joins them with what the frame took down.
- */
+/* Joins the eye samples with what the frame took down of them. */
 static void collect(record *r, const truth *known)
 {
-    static tile_pixels scratch;
-    const settings *f = &r->view.settings;
-    uint32_t across = (f->width + TILE - 1) / TILE, down = (f->height + TILE - 1) / TILE;
     uint32_t stride = r->words + (r->scene->light_count + 63) / 64 + (direct_sample_count(&r->view) + 63) / 64;
-    uint32_t passes = (uint32_t)(f->spp + PASS - 1) / PASS, n = 0;
-    size_t capacity = 0;
-    eye_samples samples = {0};
-    for (uint64_t code = 0; n < across * down; code++) {
-        uint32_t x, y;
-        halton_morton_decode(code, &x, &y);
-        if (x >= across || y >= down)
-            continue;
-        tile t = {x * TILE, y * TILE, TILE, TILE, n};
-        t.width = f->width - t.x < TILE ? f->width - t.x : TILE;
-        t.height = f->height - t.y < TILE ? f->height - t.y : TILE;
-        for (uint32_t pass = 0; pass < passes; pass++) {
-            int first = (int)pass * PASS, count = f->spp - first < PASS ? f->spp - first : PASS;
-            eye_paths(&r->view, t, first, count, &samples, &scratch);
-            grow(r, &capacity, samples.count);
-            const uint64_t *rows = known->passes[(size_t)n * passes + pass];
-            for (size_t i = 0; i < samples.count; i++) {
-                const eye_sample *e = &samples.items[i];
-                r->eyes[r->count] = *e;
-                r->pixel[r->count] = (t.y + e->pixel / TILE) * f->width + t.x + e->pixel % TILE;
-                memcpy(r->visible + (size_t)r->count++ * r->words, rows + i * stride, r->words * sizeof *rows);
-            }
-        }
-        n++;
-    }
-    free(samples.items);
+    eye_list list = eye_list_new(&r->view);
+    r->eyes = list.items;
+    r->pixel = list.pixel;
+    r->count = list.count;
+    r->visible = xmalloc(((size_t)r->count * r->words + 1) * sizeof *r->visible);
+    r->asked = xmalloc(((size_t)r->count * r->words + 1) * sizeof *r->asked);
+    for (size_t pass = 0; pass < list.passes; pass++)
+        for (size_t i = list.starts[pass]; i < list.starts[pass + 1]; i++)
+            memcpy(r->visible + i * r->words, known->passes[pass] + (i - list.starts[pass]) * stride,
+                   r->words * sizeof *r->visible);
+    free(list.starts);
 }
 
 static void ask(record *r)
@@ -220,42 +188,6 @@ void record_contributions(const record *r, uint32_t eye, record_row *row)
             row->r[i] = c.x, row->g[i] = c.y, row->b[i] = c.z;
             row->luminance[i] = luminance(c);
         }
-}
-
-/* ---- the order */
-
-typedef struct place_in_order {
-    uint64_t key;
-    uint32_t eye;
-} place_in_order;
-
-static int by_key(const void *a, const void *b)
-{
-    const place_in_order *x = a, *y = b;
-    return x->key != y->key ? (x->key > y->key) - (x->key < y->key) : (x->eye > y->eye) - (x->eye < y->eye);
-}
-
-void record_sort(const record *r, record_order order, double cell_pixels, uint32_t *out)
-{
-    uint32_t width = r->view.settings.width, pixels[TILE * TILE], rank[TILE * TILE];
-    uint32_t starts[HALTON_MAX_SEGMENTS + 1], segments;
-    halton_order(TILE, TILE, cell_pixels, pixels, starts, &segments);
-    for (uint32_t i = 0; i < TILE * TILE; i++)
-        rank[pixels[i]] = i;
-    place_in_order *places = xmalloc(r->count * sizeof *places);
-    for (uint32_t i = 0; i < r->count; i++) {
-        uint32_t x = r->pixel[i] % width, y = r->pixel[i] / width;
-        uint64_t key = order == ORDER_RANDOM     ? rng_mix(i + 1)
-                       : order == ORDER_SCANLINE ? r->pixel[i]
-                       : order == ORDER_MORTON
-                           ? halton_morton(x, y)
-                           : halton_morton(x / TILE, y / TILE) * TILE * TILE + rank[r->eyes[i].pixel];
-        places[i] = (place_in_order){key, i};
-    }
-    qsort(places, r->count, sizeof *places, by_key);
-    for (uint32_t i = 0; i < r->count; i++)
-        out[i] = places[i].eye;
-    free(places);
 }
 
 /* ---- ends and their cells */

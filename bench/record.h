@@ -7,7 +7,7 @@
 /* first: its names must not meet the renderer's */
 #include "vcache/internal.h"
 
-#include "renderers/whitted/whitted.h"
+#include "eyes.h"
 
 /* Loops over all lights of an eye sample are compiled for each vector width, as in renderers/whitted/shade.c. */
 #if defined(__x86_64__) && defined(__linux__) && defined(__OPTIMIZE__) && !defined(NO_CLONES)
@@ -43,10 +43,11 @@ typedef struct record {
 bool record_make(const record_options *o, record *out, message *err);
 void record_free(record *r);
 
-/* Orders of eye samples. HALTON is the one of renderers/whitted/frame.c: tiles along a Morton curve, in each the Halton
- * order of the pixels, which depends on the cell's side in pixels. */
-typedef enum record_order { ORDER_HALTON, ORDER_SCANLINE, ORDER_MORTON, ORDER_RANDOM } record_order;
-void record_sort(const record *r, record_order order, double cell_pixels, uint32_t *out);
+/* Its eye samples in another order. */
+static inline void record_sort(const record *r, eye_order order, double cell_pixels, uint32_t *out)
+{
+    eyes_sort(r->pixel, r->count, r->view.settings.width, order, cell_pixels, out);
+}
 
 /* Unoccluded contributions of all lights to an eye sample, in units of the pixel: one array a channel. */
 typedef struct record_row {

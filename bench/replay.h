@@ -12,7 +12,7 @@ typedef struct grid_policy {
     int levels; /* 1: no refinement */
     int normal_bins, layers;
     float step; /* C_R */
-    record_order order;
+    eye_order order;
     /* contributions are unoccluded ones, relative to the mean over the lights that face the eye sample */
     float refine_above; /* pairs of less are not refined */
     float finer_above;  /* pairs of more start one level finer */
@@ -45,7 +45,7 @@ typedef struct estimator_policy {
     state_table table;
     int layers;
     float jitter;
-    record_order order;
+    eye_order order;
 } estimator_policy;
 
 /* What was seen of one combination of states. */

@@ -36,15 +36,6 @@ static image map_picture(const float *map, uint32_t width, uint32_t height)
     return out;
 }
 
-static image cut(const image *from, block b)
-{
-    image out = image_new(b.side, b.side);
-    for (uint32_t y = 0; y < b.side; y++)
-        for (uint32_t x = 0; x < b.side; x++)
-            out.pixels[(size_t)y * b.side + x] = from->pixels[(size_t)(b.y + y) * from->width + b.x + x];
-    return out;
-}
-
 static bool apart(const block *blocks, int count, uint32_t x, uint32_t y, uint32_t side)
 {
     for (int i = 0; i < count; i++)
@@ -95,7 +86,7 @@ static bool show_block(const char *prefix, int number, block b, const image *con
     for (int k = 0; k < 3; k++) {
         char name[32];
         snprintf(name, sizeof name, "%d-%s", number, names[k]);
-        cuts[k] = cut(three[k], b);
+        cuts[k] = image_cut(three[k], b.x, b.y, b.side, b.side);
         ok = ok && save(prefix, name, &cuts[k], k < 2 ? exposure : 1.0f, err);
     }
     double l_inf = image_compare(&cuts[1], &cuts[0]).l_inf, sum = 0.0;

@@ -13,6 +13,9 @@ FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in sc
   lights     speed and error over C_E by kind of light
   converged  error against the converged image over time
   pictures   where images are wrong, and how it looks; of the images of `curves`
+  flicker    how errors change while camera or lights move
+  edges      where the edges of hard shadows go, and how ragged they are
+  maps       plain shadow maps beside the cache's frames of `lights`
 """
 import csv
 import json
@@ -22,8 +25,9 @@ import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from report import converged, curves, headline, lights, made, pictures
-from report.cases import all_cases, present
+from report import converged, curves, edges, flicker, headline, lights, made, pictures, shadow_maps
+from report.cases import ALL, present
+from report.cases_hard import HARD
 from report.levels import LEVELS
 from report.methods import add_points
 from report.page import page
@@ -32,7 +36,10 @@ from scenes import ROOT, Failure, Parser, is_builtin, missing_file, run_main
 
 # Anchor; module with TITLE and section(a, rows), which gives HTML; whose rows it shows (labels["section"] of cases.py).
 SECTIONS = [("headline", headline, "curves"), ("curves", curves, "curves"), ("lights", lights, "lights"),
-            ("converged", converged, "converged"), ("pictures", pictures, "pictures")]
+            ("converged", converged, "converged"), ("pictures", pictures, "pictures"), ("maps", shadow_maps, "maps"),
+            ("flicker", flicker, "flicker"), ("edges", edges, "edges")]
+# Programs of their own, which lie beside zoom.
+BESIDE = ["shadow_maps", "sequence", "edges"]
 
 
 def parse():
@@ -59,7 +66,9 @@ def parse():
     a.out = a.out or os.path.join(ROOT, "out", "report" if a.level_name == "full" else f"report-{a.level_name}")
     a.scenes, a.out = (os.path.abspath(f) for f in (a.scenes, a.out))
     a.quiet = False
-    for program in (a.whitted, a.bdpt, a.zoom):
+    a.programs = {p: os.path.abspath(getattr(a, p)) for p in ("whitted", "bdpt", "zoom")}
+    a.programs.update({p: os.path.join(os.path.dirname(a.programs["zoom"]), p) for p in BESIDE})
+    for program in a.programs.values():
         if not os.access(program, os.X_OK):
             parser.error(f"{program}: not there; meson setup build && ninja -C build")
     return parser, a
@@ -125,7 +134,7 @@ def write(a, rows):
 def main():
     parser, a = parse()
     find_scenes(parser, a)
-    cases = all_cases(a, a.level)
+    cases = [c for generate in ALL + HARD for c in generate(a, a.level)]
     chosen = [c for c in cases if a.filter.search(c.id) and a.only in (None, c.labels["section"])]
     if a.list:
         print("\n".join(c.id for c in chosen))
@@ -133,7 +142,7 @@ def main():
     if not chosen:
         parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
     open_folder(parser, a)
-    programs = Programs({p: os.path.abspath(getattr(a, p)) for p in ("whitted", "bdpt", "zoom")})
+    programs = Programs(a.programs)
     try:
         rows = Rows(a, programs, cases)
     except Failure as e:

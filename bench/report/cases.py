@@ -156,10 +156,6 @@ def pictures(a, level):
 ALL = [curves, lights, converged, pictures]
 
 
-def all_cases(a, level):
-    return [c for generate in ALL for c in generate(a, level)]
-
-
 def present(a, scenes):
     """Of the scenes those that are there."""
     return [s for s in scenes if is_builtin(s) or not missing_file(a, s)]

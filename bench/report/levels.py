@@ -20,6 +20,9 @@ class Level:
     converged: list     # scenes
     reference_spp: int
     converged_knobs: dict
+    maps: list          # texels a side of shadow maps
+    sequence: dict      # of moving pictures: frames, paths a pixel, C_E, environment lights, virtual lights
+    edges: dict         # of hard shadows: size, C_E, that of the pictures
 
 
 LEVELS = {
@@ -34,7 +37,11 @@ LEVELS = {
         {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.1}, True,
         {"hard": ([4, 8, 16, 24, 36], [4, 8, 12, 18]), "soft": ([10, 16, 24, 32, 48, 64], [4, 8, 16, 24])},
         ["atrium", "conference-lights", "kitchen", "conference", "living-room"], 2048,
-        {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]}),
+        {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
+        maps=[1024, 2048, 4096, 6000],
+        sequence={"frames": 60, "spp": 4, "ce": [4, 8, 16, 32], "env_lights": 64, "vpls": 128,
+                  "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]},
+        edges={"size": "640x360", "ce": [2, 4, 8, 16], "shown": 8}),
     "quick": Level(
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
@@ -43,10 +50,18 @@ LEVELS = {
         {"cache": 16, "estimate": 6, "selection": 6}, False,
         {"hard": ([4, 16, 36], [4, 18]), "soft": ([10, 32, 64], [4, 24])},
         ["conference-lights", "shapes"], 256,
-        {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]}),
+        {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]},
+        maps=[128, 256, 512],
+        sequence={"frames": 8, "spp": 4, "ce": [4, 16], "env_lights": 36, "vpls": 0, "grid": ["NEAR", "OPT"],
+                  "estimate": [4]},
+        edges={"size": "320x180", "ce": [4, 8], "shown": 8}),
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
          "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"], "bdpt": [12]},
         {"cache": 8, "estimate": 8}, False, {"hard": ([4, 8], [4]), "soft": ([8, 16], [4])}, ["cornell"], 64,
-        {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]})}
+        {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]},
+        maps=[32, 64],
+        sequence={"frames": 2, "spp": 4, "ce": [4], "env_lights": 36, "vpls": 16, "grid": ["NEAR"],
+                  "estimate": [4]},
+        edges={"size": "96x54", "ce": [4], "shown": 4})}

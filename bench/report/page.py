@@ -105,7 +105,7 @@ th, td { padding: 3px 10px; border-bottom: 1px solid #ddd; text-align: left; }
 th { background: #f3f3f3; font-weight: 600; } td b { background: #ffe680; padding: 1px 5px; border-radius: 3px; }
 details table { display: block; max-height: 22em; overflow: auto; }
 code { font-size: 0.92em; overflow-wrap: anywhere; }
-td small, .given { white-space: nowrap; } .lead { font-size: 1.12em; max-width: 58em; }
+td small, td data, .given { white-space: nowrap; } .lead { font-size: 1.12em; max-width: 58em; }
 .loses { border-left: 5px solid #d55e00; padding-left: 0.8em; }
 .wins { border-left: 5px solid #009e73; padding-left: 0.8em; } nav a { margin-right: 1.2em; }
 """

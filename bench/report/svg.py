@@ -46,9 +46,10 @@ class Axis:
         return self.start + (self.end - self.start) * math.log(value / self.low) / math.log(self.high / self.low)
 
     def ticks(self):
-        """(value, whether it is labelled): 1, 2, 5 of each decade where there are few decades."""
+        """(value, whether it is labelled): 1, 2, 5 of each decade where there are few decades, more within one."""
         decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
-        labelled = (1, 2, 5) if math.log10(self.high / self.low) < 3.0 else (1,)
+        span = math.log10(self.high / self.low)
+        labelled = (1, 2, 3, 4, 5, 6, 8) if span < 1.0 else (1, 2, 5) if span < 3.0 else (1,)
         inside = [(float(f"{m}e{d}"), m in labelled) for d in decades for m in range(1, 10)]
         return [t for t in inside if self.low <= t[0] <= self.high]
 

@@ -295,3 +295,16 @@ uint32_t environment_lights(const environment *e, uint32_t count, environment_li
     free(nodes);
     return placed;
 }
+
+void scene_add_environment_lights(scene *s, int count)
+{
+    environment_light *lights = xmalloc((size_t)count * sizeof *lights);
+    uint32_t n = environment_lights(s->environment, (uint32_t)count, lights);
+    if (n < (uint32_t)count)
+        notice("--env-lights %d: of so dark an environment only %u can be made", count, n);
+    for (uint32_t i = 0; i < n; i++)
+        scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL,
+                                   .direction = v3_neg(lights[i].direction),
+                                   .intensity = lights[i].irradiance});
+    free(lights);
+}

@@ -4,7 +4,7 @@
 #ifndef COMMON_ENVIRONMENT_LIGHTS_H
 #define COMMON_ENVIRONMENT_LIGHTS_H
 
-#include "environment.h"
+#include "scene.h"
 
 typedef struct environment_light {
     vec3 direction; /* unit, towards the light */
@@ -17,5 +17,8 @@ typedef struct environment_light {
  * memory for some 2^19 directions (2^22 where nearly all of the map is black), whatever the map's size. One thread; the
  * result depends on the arguments alone. */
 uint32_t environment_lights(const environment *e, uint32_t count, environment_light *out);
+
+/* The scene's environment as `count` more of its lights; with a notice where there are less. */
+void scene_add_environment_lights(scene *s, int count);
 
 #endif

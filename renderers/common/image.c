@@ -22,6 +22,15 @@ void image_free(image *i)
     *i = (image){0};
 }
 
+image image_cut(const image *from, uint32_t x, uint32_t y, uint32_t width, uint32_t height)
+{
+    image out = image_new(width, height);
+    for (uint32_t row = 0; row < height; row++)
+        memcpy(out.pixels + (size_t)row * width, from->pixels + (size_t)(y + row) * from->width + x,
+               width * sizeof *out.pixels);
+    return out;
+}
+
 bool image_new_checked(uint64_t width, uint64_t height, image *out, message *err)
 {
     *out = (image){0};

@@ -17,6 +17,8 @@ typedef struct image {
 
 image image_new(uint32_t width, uint32_t height); /* black */
 void image_free(image *i);
+/* The part that begins at (x, y) and lies within. */
+image image_cut(const image *from, uint32_t x, uint32_t y, uint32_t width, uint32_t height);
 
 /* Reads .hdr (Radiance RGBE) or .exr (scan lines or tiles, none/RLE/ZIP/ZIPS/PIZ/PXR24/B44; half, float or uint R, G, B
  * or luminance Y). On failure *out is empty and err says in one line what is wrong. */

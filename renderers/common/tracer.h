@@ -56,6 +56,9 @@ bool tracer_occluded_solid(const tracer *t, vec3 origin, vec3 direction, float t
 void packet_init(ray_packet *p);
 void packet_init_solid(ray_packet *p);
 uint32_t tracer_occluded16(const tracer *t, ray_packet *p, uint32_t active, bool coherent);
+/* Distances alone, of packets as of tracer_occluded16: tfar of the lanes that hit becomes theirs, in lengths of the
+ * direction. Returns the mask of these lanes. */
+uint32_t tracer_distance16(const tracer *t, ray_packet *p, uint32_t active, bool coherent);
 
 /* `position` moved off the surface to the side of `toward` (any direction) so that no ray from there meets its own
  * triangle. */

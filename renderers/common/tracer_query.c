@@ -253,6 +253,16 @@ uint32_t tracer_closest16(const tracer *t, const ray_packet *p, uint32_t active,
     return hit;
 }
 
+uint32_t tracer_distance16(const tracer *t, ray_packet *p, uint32_t active, bool coherent)
+{
+    struct RTCRayHit16 r;
+    memcpy(&r.ray, p, sizeof r.ray);
+    memset(&r.hit, 0xff, sizeof r.hit); /* invalid ids */
+    uint32_t hit = intersect16(t, t->top, &r, active, coherent);
+    memcpy(p->tfar, r.ray.tfar, sizeof p->tfar);
+    return hit;
+}
+
 static void init_with(ray_packet *p, uint32_t mask)
 {
     memset(p, 0, sizeof *p);

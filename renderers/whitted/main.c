@@ -137,20 +137,6 @@ static bool check(arguments *a, message *err)
     return true;
 }
 
-/* The environment as lights that are the same for all eye samples. */
-static void add_environment_lights(scene *s, int count)
-{
-    environment_light *lights = xmalloc((size_t)count * sizeof *lights);
-    uint32_t n = environment_lights(s->environment, (uint32_t)count, lights);
-    if (n < (uint32_t)count)
-        notice("--env-lights %d: of so dark an environment only %u can be made", count, n);
-    for (uint32_t i = 0; i < n; i++)
-        scene_add_light(s, (light){.kind = LIGHT_DIRECTIONAL,
-                                   .direction = v3_neg(lights[i].direction),
-                                   .intensity = lights[i].irradiance});
-    free(lights);
-}
-
 static bool load_scene(const arguments *a, scene **out, message *err)
 {
     if (!program_load_scene(&a->common, out, err))
@@ -158,7 +144,7 @@ static bool load_scene(const arguments *a, scene **out, message *err)
     if (a->settings.env_lights > 0 && !(*out)->environment)
         return fail(err, "--env-lights: the scene has no environment; --env gives it one");
     if (a->settings.env_lights > 0)
-        add_environment_lights(*out, a->settings.env_lights);
+        scene_add_environment_lights(*out, a->settings.env_lights);
     return scene_finish(*out, err);
 }
 

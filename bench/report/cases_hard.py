@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cases of the sections on hard shadows: maps beside the cache, flicker, edges. Their programs lie in bench/."""
+from report.cases import cost, kinds, sky, word
+from report.runner import Case
+from scenes import scene_words
+
+
+def hard(a, level):
+    """Of the hard lights of `lights` the first: kind, scene, the scene's words."""
+    return next((kind, scene, [words[1]]) for kind, scene, words, _, range_of in kinds(a, level) if range_of == "hard")
+
+
+def maps(a, level):
+    """Beside the frames of `lights` by the cache."""
+    kind, scene, words = hard(a, level)
+    for size in level.maps:
+        yield Case(f"maps/{scene}/{size}", ["shadow_maps", *words, "--size", level.size, "--spp", str(level.spp),
+                                            "--map", word(size)],
+                   {"section": "maps", "kind": kind, "scene": scene, "method": "maps", "value": size},
+                   cost=0.5 + 2e-5 * size * size)
+
+
+def moving(a, level):
+    """Scenes that move: what, the scene's words, and whether the cache can keep something, whether all lights are hard."""
+    with_sky = ["--env-lights", str(level.sequence["env_lights"])]
+    kind, scene, words = hard(a, level)
+    yield "camera", scene, kind, words, True, True
+    if kind == "points and a sun":
+        yield "light", scene, kind, words, True, True
+    for scene in a.present(["shapes"]):
+        yield "light", scene, "sky", scene_words(a, scene) + sky(a, scene) + with_sky, False, True
+    for scene in a.present(["conference"]) or ["cornell"] if level.sequence["vpls"] else []:
+        yield "camera", scene, "virtual lights", scene_words(a, scene) + ["--vpls", str(level.sequence["vpls"])], True, False
+
+
+def flicker(a, level):
+    s = level.sequence
+    for motion, scene, kind, words, keeps, is_hard in moving(a, level):
+        ways = [f"{way}:{word(ce)}" for way in ("cache", "kept", "unrefined") for ce in s["ce"] if keeps or way != "kept"]
+        ways += [f"estimate:{k}" for k in s["estimate"] if kind == "sky"]
+        ways += [f"grid:{mode}" for mode in s["grid"] if kind == "sky"]
+        yield Case(f"flicker/{motion}/{scene}/{kind.replace(' ', '-')}",
+                   ["sequence", *words, "--size", level.size, "--spp", str(s["spp"]), "--motion", motion, "--frames",
+                    str(s["frames"]), "--ways", ",".join(ways)],
+                   {"section": "flicker", "scene": scene, "method": "sequence", "kind": kind, "value": motion},
+                   cost=cost(level, s["spp"], s["vpls"] or s["env_lights"], s["frames"] * (1 + 0.7 * len(ways))))
+
+
+EDGE_WAYS = [order + plain for plain in ("", "-plain") for order in ("halton", "scanline", "random")]
+
+
+def edges(a, level):
+    e = level.edges
+    _, of_points, words = hard(a, level)
+    places = [(of_points, words)]
+    places += [(s, scene_words(a, s) + sky(a, s) + ["--env-lights", "16"]) for s in a.present(["shapes"])]
+    for scene, words in places:
+        for ce in e["ce"]:
+            case = Case(f"edges/{scene}/{ce}", ["edges", *words, "--size", e["size"], "--ce", str(ce)],
+                        {"section": "edges", "scene": scene, "method": "edges", "value": ce},
+                        cost=0.5 + 2 * cost(level, 1, 24, 8))
+            if ce == e["shown"]:
+                prefix = f"pictures/edges-{scene}"
+                case.words += ["--picture", prefix]
+                case.makes = tuple(f"{prefix}{zoom}-{way}.png" for zoom in ("", "-zoom") for way in ["exact", *EDGE_WAYS])
+            yield case
+
+
+HARD = [maps, edges, flicker]

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plain shadow maps against the cache, where lights are points and suns (Popov et al. 2013, Sect. 5.4)."""
+from report.curves import percents
+from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
+from report.svg import Plot, Series
+
+TITLE = "Shadow maps"
+# what is drawn of maps: words, field, colour, shape, hollow
+MAPS = [("shadow maps", "faster", "#0072b2", "square", False),
+        ("shadow maps that are there already", "without_building", "#0072b2", "square", True)]
+
+
+def said(words, error, faster):
+    return f'{words}: {FORMATS["times"](faster)} at {FORMATS["percent"](error)}'
+
+
+def plot(maps, cached):
+    p = Plot("error: l_inf", "whole frame: times faster than exact", 860, 480, 13, x_label=percents,
+             y_label=lambda v: f"{v:g}x")
+    for words, field, colour, shape, hollow in MAPS:
+        points = [(r["figures"]["l_inf"], r["figures"][field],
+                   attributes(r, x="figures.l_inf", y=f"figures.{field}"),
+                   said(f'{r["labels"]["value"]} texels a side', r["figures"]["l_inf"], r["figures"][field]))
+                  for r in maps]
+        p.series.append(Series(words, points, colour, shape, hollow, hollow))
+    points = [(r["point"]["error"], r["point"]["frame"], attributes(r, x="point.error", y="point.frame"),
+               said(f'C_E = {r["labels"]["value"]:g}', r["point"]["error"], r["point"]["frame"])) for r in cached]
+    if points:
+        p.series.append(Series("cache", sorted(points, key=lambda q: q[0]), "#d55e00", "circle"))
+    p.horizontal = [(1.0, "as fast as exact")]
+    p.horizontal += [(maps[0]["figures"]["limit"], "limit: no visibility at all")]
+    return p.svg()
+
+
+def side(row):
+    return f'{number(row, "labels.value", "plain")} texels a side'
+
+
+def verdict(maps, cached):
+    """Who is faster at the error of each map."""
+    lines = []
+    for m in maps:
+        within = [r for r in cached if r["point"]["error"] <= m["figures"]["l_inf"]]
+        best = max(within, key=lambda r: r["point"]["frame"], default=None)
+        here = f'{side(m)} ({number(m, "figures.l_inf", "percent")}): maps {number(m, "figures.faster", "times")}, ' \
+               f'{number(m, "figures.without_building", "times")} without making them; '
+        if best is None:
+            lines.append(f'<li class="loses">{here}no C_E of the cache that was tried gets there</li>')
+            continue
+        speed = best["point"]["frame"]
+        wins = "wins" if speed > m["figures"]["without_building"] else "loses"
+        lines.append(f'<li class="{wins}">{here}the cache within that error {number(best, "point.frame", "times")} '
+                     f'(C_E = {number(best, "labels.value", "plain")}, {number(best, "point.error", "percent")})</li>')
+    return f'<ul class="plain">{"".join(lines)}</ul>'
+
+
+def scene_section(a, rows, scene, maps):
+    kind = maps[0]["labels"]["kind"]
+    cached = [r for r in rows.values() if r["labels"]["section"] == "lights" and r["labels"]["kind"] == kind and
+              r["labels"]["scene"] == scene and r["labels"]["anti_aliased"] and "point" in r]
+    figures = table([("maps: texels a side", lambda r: number(r, "labels.value", "plain")),
+                     ("how many", lambda r: number(r, "figures.maps", "count")),
+                     ("bias, texels", lambda r: number(r, "figures.bias", "plain")),
+                     ("made in", lambda r: number(r, "figures.build_s", "seconds")),
+                     ("looked up in", lambda r: number(r, "figures.lookup_s", "seconds")),
+                     ("exact: rays", lambda r: number(r, "figures.visibility_s", "seconds")),
+                     ("frame", lambda r: number(r, "figures.faster", "times")),
+                     ("without making", lambda r: number(r, "figures.without_building", "times")),
+                     ("l_inf", lambda r: number(r, "figures.l_inf", "percent")),
+                     ("mispredicted", lambda r: number(r, "figures.mispredicted", "percent")),
+                     ("FLIP", lambda r: number(r, "figures.flip", "flip"))], maps)
+    figures += table([("cache: C_E", lambda r: number(r, "labels.value", "plain")),
+                      ("frame", lambda r: number(r, "point.frame", "times")),
+                      ("l_inf", lambda r: number(r, "point.error", "percent")),
+                      ("mispredicted", lambda r: number(r, "point.mispredicted", "percent")),
+                      ("FLIP", lambda r: number(r, "point.flip", "flip"))], cached)
+    caption = f"{name(scene)}, {name(kind)}: {setting(maps[0])}. Frames of maps are exact's with another visibility, " \
+              "each over the exact frame of the same run; the bias is the one with the fewest mispredicted pairs."
+    drawn = save_plot(a, f"maps-{scene}.svg", plot(maps, cached))
+    return f"<h3>{name(kind)}: {name(scene)}</h3>" + figure(drawn + verdict(maps, cached) + figures, caption,
+                                                             maps + cached)
+
+
+def section(a, rows):
+    places = {}
+    for r in rows.values():
+        if r["labels"]["section"] == "maps":
+            places.setdefault(r["labels"]["scene"], []).append(r)
+    head = "<p>What a renderer with few hard lights would do instead (Popov et al. " \
+           f"{given('(2013), Sect. 5.4')}): a depth cube around each point or spot light, of which the faces that are " \
+           "looked into are made, and one map over the scene for a sun; the nearest texel, a bias in proportion to its " \
+           "width and the slope. Texels are found by packets of rays, which a rasteriser would do faster: hollow marks " \
+           "leave that time out, as for lights and scenes that stand still.</p>"
+    return head + "\n".join(scene_section(a, rows, scene, own) for scene, own in places.items())

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""shadow_maps, sequence and edges of bench/: what they measure behaves as it must. Usage: hard_shadows.py FOLDER"""
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+FOLDER = os.path.abspath(sys.argv[1])
+
+
+def run(program, *words, status=0):
+    done = subprocess.run([os.path.join(FOLDER, program), *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    if done.returncode != status:
+        raise AssertionError(f"{program} {words}: {done.returncode}: {done.stderr}")
+    return json.loads(done.stdout) if status == 0 else done.stderr
+
+
+def by_name(ways):
+    return {(w["name"], w["value"]) if "value" in w else w["name"]: w for w in ways}
+
+
+class Maps(unittest.TestCase):
+    def test_finer_maps_are_better(self):
+        rows = [run("shadow_maps", "conference-lights", "--size", "64x36", "--spp", "1", "--map", n) for n in ("32", "128", "512")]
+        for coarse, fine in zip(rows, rows[1:]):
+            self.assertLess(fine["mispredicted"], 0.6 * coarse["mispredicted"])
+            self.assertLess(fine["l_inf"], coarse["l_inf"])
+        self.assertLess(rows[-1]["mispredicted"], 0.03)
+        for r in rows:
+            self.assertEqual(r["mispredicted"], min(s["mispredicted"] for s in r["sweep"]))
+            self.assertGreater(r["sweep"][0]["mispredicted"], 2 * r["mispredicted"])  # without bias surfaces shade themselves
+
+    def test_of_a_sun(self):
+        r = run("shadow_maps", "atrium", "--size", "64x36", "--spp", "1", "--map", "2048")
+        self.assertEqual(r["maps"], 1)
+        self.assertLess(r["mispredicted"], 0.02)
+
+
+class Sequence(unittest.TestCase):
+    WORDS = ["--size", "64x36", "--spp", "4", "--frames", "4"]
+
+    def test_a_kept_cache_knows_more(self):
+        ways = by_name(run("sequence", "conference-lights", *self.WORDS, "--ways", "cache:8,kept:8,unrefined:8")["ways"])
+        self.assertLess(ways["kept", "8"]["rays"], 0.8 * ways["cache", "8"]["rays"])
+        self.assertGreater(ways["unrefined", "8"]["change"], ways["cache", "8"]["change"])
+        self.assertGreater(ways["cache", "8"]["change"], 0)
+
+    def test_it_forgets_lights_that_moved(self):
+        """All of them: then it is the emptied one."""
+        ways = run("sequence", "atrium", *self.WORDS, "--motion", "light", "--env-lights", "9", "--ways", "cache:4,kept:4")["ways"]
+        self.assertGreater(ways[0]["light"], 0)
+        self.assertEqual({**ways[0], "name": ""}, {**ways[1], "name": ""})
+
+    def test_virtual_lights_and_the_grid(self):
+        soft = run("sequence", "cornell", *self.WORDS, "--vpls", "20", "--ways", "cache:4,kept:4")["ways"]
+        self.assertLess(soft[1]["rays"], soft[0]["rays"])
+        ways = run("sequence", "atrium", *self.WORDS, "--motion", "light", "--env-lights", "36", "--ways",
+                   "grid:NEAR,grid:TRUE,estimate:4")["ways"]
+        self.assertTrue(0 < ways[0]["rays"] < 1)
+        self.assertLess(ways[1]["error"], 1e-6)
+        self.assertGreater(ways[2]["change"], 0)
+
+
+class Edges(unittest.TestCase):
+    def test_scanlines_move_shadows_down_and_right(self):
+        with tempfile.TemporaryDirectory() as out:
+            prefix = os.path.join(out, "e")
+            ways = by_name(run("edges", "conference-lights", "--size", "192x108", "--ce", "6", "--picture", prefix)["ways"])
+            self.assertEqual(len(os.listdir(out)), 14)
+            with open(prefix + "-zoom-scanline.png", "rb") as f:
+                self.assertEqual(struct.unpack(">II", f.read(24)[16:]), (40, 40))
+        for plain in ("", "-plain"):
+            halton, scanline, random = (ways[o + plain] for o in ("halton", "scanline", "random"))
+            self.assertGreater(scanline["right"], 0.5)
+            self.assertGreater(scanline["down"], 0.5)
+            self.assertGreater(scanline["right"] + scanline["down"], 1.5 * (halton["right"] + halton["down"]))
+            self.assertLess(abs(random["right"]) + abs(random["down"]), 0.5 * (scanline["right"] + scanline["down"]))
+            self.assertLess(ways["halton"]["off"], ways["halton-plain"]["off"])
+            self.assertLess(ways["halton"]["ragged"], ways["halton-plain"]["ragged"])
+
+    def test_cells_of_a_pixel_move_little(self):
+        for w in run("edges", "conference-lights", "--size", "192x108", "--ce", "1")["ways"]:
+            self.assertGreater(w["edges"], 50)
+            self.assertLess(w["off"], 0.5, w)
+
+
+class Input(unittest.TestCase):
+    def test_bad_input_is_said_in_a_line(self):
+        for words in (["shadow_maps", "cornell", "--vpls", "4"], ["shadow_maps", "conference-lights", "--map", "30"],
+                      ["edges", "conference-lights", "--spp", "4"], ["edges", "nothing"],
+                      ["sequence", "conference-lights", "--ways", "cache:x"], ["sequence", "conference-lights", "--ways", "cache"],
+                      ["sequence", "cornell", "--vpls", "4", "--ways", "estimate:4"], ["sequence", "conference-lights", "--ways", ","],
+                      ["sequence", "atrium", "--spp", "5", "--ways", "grid:NEAR"]):
+            said = run(*words, "--size", "16x16", status=1)
+            self.assertEqual(len(said.splitlines()), 1, words)
+        self.assertEqual(len(run("edges", "--ce", "0", status=2).splitlines()), 1)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
