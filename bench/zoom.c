@@ -109,9 +109,20 @@ static bool show_block(const char *prefix, int number, block b, const image *con
     return ok;
 }
 
-static bool show(const image *exact, const image *other, const char *prefix, message *err)
+/* As the renderer shows it, by the light that is shadow-tested; a file that does not say: by all that is seen. */
+static float exposure_of(const char *path, const image *exact)
 {
-    float exposure = image_exposure(exact), *map = xcalloc((size_t)exact->width * exact->height, sizeof *map);
+    exr_text text = {.name = "exposure"};
+    image same = {0};
+    bool said = image_load_exr_texts(path, &text, 1, &same, NULL);
+    float value = said ? strtof(text.value, NULL) : 0.0f;
+    image_free(&same);
+    return value > 0.0f && isfinite(value) ? value : image_exposure(exact);
+}
+
+static bool show(const image *exact, const image *other, float exposure, const char *prefix, message *err)
+{
+    float *map = xcalloc((size_t)exact->width * exact->height, sizeof *map);
     image_error e = image_compare(other, exact);
     double flip = flip_ldr(other, exact, exposure, map), flip_high = flip_hdr(other, exact, NULL), sum = 0.0;
     for (size_t i = 0; i < (size_t)exact->width * exact->height; i++)
@@ -147,7 +158,7 @@ int main(int argc, char *argv[])
     bool ok = image_load_exr(argv[1], &exact, &err) && image_load_exr(argv[2], &other, &err);
     if (ok && (exact.width != other.width || exact.height != other.height))
         ok = fail(&err, "%s and %s are not of one size", argv[1], argv[2]);
-    ok = ok && show(&exact, &other, argv[3], &err);
+    ok = ok && show(&exact, &other, exposure_of(argv[1], &exact), argv[3], &err);
     image_free(&exact);
     image_free(&other);
     if (!ok)
