@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """bench/report: a small report, whose every number must come from a row, and how it goes on after a stop.
-Usage: report.py BENCH WHITTED BDPT ZOOM"""
+Usage: report.py BENCH WHITTED BDPT ZOOM CLUSTERS"""
 import html.parser
 import json
 import os
@@ -14,7 +14,7 @@ import time
 import unittest
 import xml.dom.minidom
 
-BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys.argv[2:5]]
+BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys.argv[2:6]]
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
@@ -90,7 +90,7 @@ class Report(unittest.TestCase):
 
     @classmethod
     def words(cls, *more):
-        programs = [w for p in zip(("--whitted", "--bdpt", "--zoom"), PROGRAMS) for w in p]
+        programs = [w for p in zip(("--whitted", "--bdpt", "--zoom", "--clusters"), PROGRAMS) for w in p]
         return [sys.executable, os.path.join(BENCH, "report"), "--tiny", *programs, "--out", cls.out, *more]
 
     @classmethod
@@ -113,10 +113,10 @@ class Report(unittest.TestCase):
         self.assertGreater(page.markers, 100)
         self.assertNotRegex(text, r'(src|href)="(?!data:|#)')  # nothing outside of the page
         self.assertNotIn(os.path.dirname(PROGRAMS[0]), text + json.dumps(rows))
-        for section in ("headline", "curves", "lights", "converged", "pictures"):
+        for section in ("headline", "curves", "lights", "converged", "pictures", "clusters"):
             self.assertIn(f'<section id="{section}">', text)
         for row in rows.values():
-            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "derived"))
+            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "clusters", "derived"))
 
     def test_a_wrong_number_is_seen(self):
         rows, text = self.rows(), read(os.path.join(self.out, "index.html"))

@@ -13,6 +13,7 @@ FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in sc
   lights     speed and error over C_E by kind of light
   converged  error against the converged image over time
   pictures   where images are wrong, and how it looks; of the images of `curves`
+  clusters   which answers of the cache are wrong, and how far from a shadow's edge (Sect. 5.1)
 """
 import csv
 import json
@@ -22,7 +23,7 @@ import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from report import converged, curves, headline, lights, made, pictures
+from report import clusters, converged, curves, headline, lights, made, pictures
 from report.cases import all_cases, present
 from report.levels import LEVELS
 from report.methods import add_points
@@ -32,7 +33,8 @@ from scenes import ROOT, Failure, Parser, is_builtin, missing_file, run_main
 
 # Anchor; module with TITLE and section(a, rows), which gives HTML; whose rows it shows (labels["section"] of cases.py).
 SECTIONS = [("headline", headline, "curves"), ("curves", curves, "curves"), ("lights", lights, "lights"),
-            ("converged", converged, "converged"), ("pictures", pictures, "pictures")]
+            ("converged", converged, "converged"), ("pictures", pictures, "pictures"),
+            ("clusters", clusters, "clusters")]
 
 
 def parse():
@@ -40,6 +42,7 @@ def parse():
     parser.prog = "report"
     parser.add_argument("--bdpt", default=os.path.join(ROOT, "build", "renderers", "bdpt", "bdpt"))
     parser.add_argument("--zoom", default=os.path.join(ROOT, "build", "bench", "zoom"))
+    parser.add_argument("--clusters", default=os.path.join(ROOT, "build", "bench", "clusters"))
     parser.add_argument("--out", help="folder to write (default: out/report, out/report-quick)")
     parser.add_argument("--only", metavar="SECTION", help="cases of one section alone")
     parser.add_argument("--threads", type=int, default=1, help="of each renderer, which run one at a time (default 1)")
@@ -59,7 +62,7 @@ def parse():
     a.out = a.out or os.path.join(ROOT, "out", "report" if a.level_name == "full" else f"report-{a.level_name}")
     a.scenes, a.out = (os.path.abspath(f) for f in (a.scenes, a.out))
     a.quiet = False
-    for program in (a.whitted, a.bdpt, a.zoom):
+    for program in (a.whitted, a.bdpt, a.zoom, a.clusters):
         if not os.access(program, os.X_OK):
             parser.error(f"{program}: not there; meson setup build && ninja -C build")
     return parser, a
@@ -133,7 +136,7 @@ def main():
     if not chosen:
         parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
     open_folder(parser, a)
-    programs = Programs({p: os.path.abspath(getattr(a, p)) for p in ("whitted", "bdpt", "zoom")})
+    programs = Programs({p: os.path.abspath(getattr(a, p)) for p in ("whitted", "bdpt", "zoom", "clusters")})
     try:
         rows = Rows(a, programs, cases)
     except Failure as e:

@@ -20,6 +20,7 @@ class Level:
     converged: list     # scenes
     reference_spp: int
     converged_knobs: dict
+    clusters: dict      # scenes; C_E at several paths a pixel, at one; those that are also rendered unrefined, shared
 
 
 LEVELS = {
@@ -34,7 +35,9 @@ LEVELS = {
         {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.1}, True,
         {"hard": ([4, 8, 16, 24, 36], [4, 8, 12, 18]), "soft": ([10, 16, 24, 32, 48, 64], [4, 8, 16, 24])},
         ["atrium", "conference-lights", "kitchen", "conference", "living-room"], 2048,
-        {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]}),
+        {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
+        {"scenes": ["conference-lights", "kitchen", "conference", "san-miguel"], "ce": [8, 16, 32], "one": [4, 8, 16],
+         "also": [16]}),
     "quick": Level(
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
@@ -43,10 +46,12 @@ LEVELS = {
         {"cache": 16, "estimate": 6, "selection": 6}, False,
         {"hard": ([4, 16, 36], [4, 18]), "soft": ([10, 32, 64], [4, 24])},
         ["conference-lights", "shapes"], 256,
-        {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]}),
+        {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]},
+        {"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]}),
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
          "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"], "bdpt": [12]},
         {"cache": 8, "estimate": 8}, False, {"hard": ([4, 8], [4]), "soft": ([8, 16], [4])}, ["cornell"], 64,
-        {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]})}
+        {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]},
+        {"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]})}
