@@ -26,7 +26,8 @@ static bool load(const record_options *o, record *r, message *err)
         return fail(err, "%s: no camera %d", o->scene, o->camera);
     r->emitters = emitters_new(r->scene);
     int samples = (int)ceilf(8.0f / sqrtf((float)o->spp)); /* as whitted does by default */
-    r->view = (view){.scene = r->scene, .tracer = r->tracer, .emitters = r->emitters, .camera = r->scene->cameras[o->camera]};
+    r->view =
+        (view){.scene = r->scene, .tracer = r->tracer, .emitters = r->emitters, .camera = r->scene->cameras[o->camera]};
     r->view.settings = (settings){.width = o->width,
                                   .height = o->height,
                                   .spp = o->spp,
