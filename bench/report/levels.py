@@ -21,6 +21,7 @@ class Level:
     reference_spp: int
     converged_knobs: dict
     clusters: dict      # scenes; C_E at several paths a pixel, at one; those that are also rendered unrefined, shared
+    studies: dict       # size and paths of the images, scenes; values of each of whitted's options besides the default
 
 
 LEVELS = {
@@ -37,7 +38,10 @@ LEVELS = {
         ["atrium", "conference-lights", "kitchen", "conference", "living-room"], 2048,
         {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
         {"scenes": ["conference-lights", "kitchen", "conference", "san-miguel"], "ce": [8, 16, 32], "one": [4, 8, 16],
-         "also": [16]}),
+         "also": [16]},
+        {"size": "320x180", "spp": 4, "scenes": ["kitchen", "conference", "san-miguel"], "ce": 8, "table_mb": 64,
+         "options": {"ce": [4, 16], "cn": [1, 2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2, 2.5],
+                     "refine": [1, 2, 4, 6], "refine-above": [0, 0.25, 1, 2], "cache-mb": [1, 2, 16, 64]}}),
     "quick": Level(
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
@@ -47,11 +51,17 @@ LEVELS = {
         {"hard": ([4, 16, 36], [4, 18]), "soft": ([10, 32, 64], [4, 24])},
         ["conference-lights", "shapes"], 256,
         {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]},
-        {"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]}),
+        {"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]},
+        {"size": "96x54", "spp": 4, "scenes": ["conference-lights"], "ce": 8, "table_mb": 4,
+         "options": {"ce": [4, 16], "cn": [2, 32], "cz": [2, 32], "cr": [2.5], "refine": [1, 2],
+                     "refine-above": [0, 2], "cache-mb": [1, 16]}}),
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
          "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"], "bdpt": [12]},
         {"cache": 8, "estimate": 8}, False, {"hard": ([4, 8], [4]), "soft": ([8, 16], [4])}, ["cornell"], 64,
         {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]},
-        {"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]})}
+        {"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]},
+        {"size": "32x18", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 1,
+         "options": {"ce": [4, 16], "cn": [2], "cz": [2], "cr": [2.5], "refine": [1], "refine-above": [2],
+                     "cache-mb": [1]}})}

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cases of the sections that look at one thing at a time; as those of cases.py, which lists them."""
+import dataclasses
+
 from report import cases
 from report.runner import Case
 from scenes import scene_words
@@ -13,6 +15,7 @@ def replayed(a, level, scene, spp, options):
 
 def clusters(a, level):
     of = level.clusters
+    level = dataclasses.replace(level, size=level.studies["size"])
     variants = {"refined": [], "unrefined": ["--refine", "1"], "shared": ["--share"]}
     for scene in a.present(of["scenes"]):
         for spp, values in ((level.spp, of["ce"]), (1, of["one"])):
@@ -26,4 +29,32 @@ def clusters(a, level):
                                cost=cases.cost(level, spp, level.vpls, 4))
 
 
-ALL = [clusters]
+HASHES = ("split", "lcg-pair", "lcg-xorshift")
+REPLAYED = {"default": [], "orientation": ["--cn", "1"], "around-8": ["--around", "8"], "around-64": ["--around", "64"]}
+
+
+def parameters(a, level):
+    of = level.studies
+    level = dataclasses.replace(level, size=of["size"], spp=of["spp"])
+    cost = cases.cost(level, level.spp, level.vpls, 2)
+    for scene in a.present(of["scenes"]):
+        def timed(parameter, value, options):
+            words = cases.setting(a, level, scene) + ["--visibility", "cache", "--ce", cases.word(of["ce"]), *options]
+            labels = {"section": "parameters", "scene": scene, "method": "cache", "parameter": parameter, "value": value}
+            return Case(f"parameters/{scene}/{parameter}/{cases.word(value)}", cases.compare(a, words, level.runs),
+                        labels, cost=cost)
+
+        yield timed("default", "", [])
+        for option, values in of["options"].items():
+            for value in values:
+                yield timed(option, value, [f"--{option}", cases.word(value)])
+        for value in HASHES:
+            yield timed("hash", value, ["--store", "words", "--hash", value])
+        for parameter, options in (*REPLAYED.items(), *((f"keys-{h}", ["--hash", h, "--cache-mb", str(of["table_mb"])])
+                                                         for h in HASHES)):
+            words = replayed(a, level, scene, level.spp, ["--ce", cases.word(of["ce"]), *options])
+            labels = {"section": "parameters", "scene": scene, "parameter": parameter, "value": "replayed"}
+            yield Case(f"parameters/{scene}/replayed/{parameter}", words, labels, cost=2 * cost)
+
+
+ALL = [clusters, parameters]
