@@ -52,7 +52,7 @@ LEVELS = {
         ["conference-lights", "shapes"], 256,
         {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]},
         {"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]},
-        {"size": "96x54", "spp": 4, "scenes": ["conference-lights"], "ce": 8, "table_mb": 4,
+        {"size": "96x54", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 4,
          "options": {"ce": [4, 16], "cn": [2, 32], "cz": [2, 32], "cr": [2.5], "refine": [1, 2],
                      "refine-above": [0, 2], "cache-mb": [1, 16]}}),
     "tiny": Level(
