@@ -113,10 +113,10 @@ class Report(unittest.TestCase):
         self.assertGreater(page.markers, 100)
         self.assertNotRegex(text, r'(src|href)="(?!data:|#)')  # nothing outside of the page
         self.assertNotIn(os.path.dirname(PROGRAMS[0]), text + json.dumps(rows))
-        for section in ("headline", "curves", "lights", "converged", "pictures", "clusters", "parameters"):
+        for section in ("headline", "curves", "lights", "converged", "pictures", "clusters", "parameters", "seeing"):
             self.assertIn(f'<section id="{section}">', text)
         for row in rows.values():
-            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "clusters", "parameters",
+            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "clusters", "parameters", "seeing",
                                                    "derived"))
 
     def test_a_wrong_number_is_seen(self):

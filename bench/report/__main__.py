@@ -15,6 +15,7 @@ FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in sc
   pictures   where images are wrong, and how it looks; of the images of `curves`
   clusters   which answers of the cache are wrong, and how far from a shadow's edge (Sect. 5.1)
   parameters C_N, C_Z, C_R, refinement, memory, hashes: one at a time around the defaults
+  seeing     what one sees where something is wrong, which option mends it, what that costs; also OUT/seeing.md
 """
 import csv
 import json
@@ -24,7 +25,7 @@ import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from report import clusters, converged, curves, headline, lights, made, parameters, pictures
+from report import clusters, converged, curves, headline, lights, made, parameters, pictures, seen
 from report.cases import all_cases, present
 from report.levels import LEVELS
 from report.methods import add_points
@@ -35,7 +36,8 @@ from scenes import ROOT, Failure, Parser, is_builtin, missing_file, run_main
 # Anchor; module with TITLE and section(a, rows), which gives HTML; whose rows it shows (labels["section"] of cases.py).
 SECTIONS = [("headline", headline, "curves"), ("curves", curves, "curves"), ("lights", lights, "lights"),
             ("converged", converged, "converged"), ("pictures", pictures, "pictures"),
-            ("clusters", clusters, "clusters"), ("parameters", parameters, "parameters")]
+            ("clusters", clusters, "clusters"), ("parameters", parameters, "parameters"),
+            ("seeing", seen, "seeing")]
 
 
 def parse():

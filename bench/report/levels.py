@@ -22,6 +22,7 @@ class Level:
     converged_knobs: dict
     clusters: dict      # scenes; C_E at several paths a pixel, at one; those that are also rendered unrefined, shared
     studies: dict       # size and paths of the images, scenes; values of each of whitted's options besides the default
+    seeing: dict        # size of the images, virtual and sky lights
 
 
 LEVELS = {
@@ -41,7 +42,8 @@ LEVELS = {
          "also": [16]},
         {"size": "320x180", "spp": 4, "scenes": ["kitchen", "conference", "san-miguel"], "ce": 8, "table_mb": 64,
          "options": {"ce": [4, 16], "cn": [1, 2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2, 2.5],
-                     "refine": [1, 2, 4, 6], "refine-above": [0, 0.25, 1, 2], "cache-mb": [1, 2, 16, 64]}}),
+                     "refine": [1, 2, 4, 6], "refine-above": [0, 0.25, 1, 2], "cache-mb": [1, 2, 16, 64]}},
+        {"size": "320x180", "lights": 256}),
     "quick": Level(
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
@@ -54,7 +56,8 @@ LEVELS = {
         {"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]},
         {"size": "96x54", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 4,
          "options": {"ce": [4, 16], "cn": [2, 32], "cz": [2, 32], "cr": [2.5], "refine": [1, 2],
-                     "refine-above": [0, 2], "cache-mb": [1, 16]}}),
+                     "refine-above": [0, 2], "cache-mb": [1, 16]}},
+        {"size": "128x72", "lights": 64}),
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
@@ -64,4 +67,5 @@ LEVELS = {
         {"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]},
         {"size": "32x18", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 1,
          "options": {"ce": [4, 16], "cn": [2], "cz": [2], "cr": [2.5], "refine": [1], "refine-above": [2],
-                     "cache-mb": [1]}})}
+                     "cache-mb": [1]}},
+        {"size": "48x27", "lights": 32})}

@@ -2,7 +2,7 @@
 """Cases of the sections that look at one thing at a time; as those of cases.py, which lists them."""
 import dataclasses
 
-from report import cases
+from report import cases, seen
 from report.runner import Case
 from scenes import scene_words
 
@@ -57,4 +57,27 @@ def parameters(a, level):
             yield Case(f"parameters/{scene}/replayed/{parameter}", words, labels, cost=2 * cost)
 
 
-ALL = [clusters, parameters]
+def seeing(a, level):
+    """Of each thing that is to be seen: how it should be, how it looks, how it looks with another option."""
+    of = level.seeing
+    for thing in seen.things(of["lights"]):
+        base = ["whitted", *scene_words(a, thing.scene), "--size", of["size"], *thing.setting]
+        id, images = f"seeing/{thing.id}", {w: f"images/seeing-{thing.id}-{w}.exr" for w in ("exact", "before", "after")}
+        labels = {"section": "seeing", "thing": thing.id, "method": "", "value": ""}
+        cost = cases.cost(dataclasses.replace(level, size=of["size"]), 4, of["lights"], 2)
+        exact = [*base, *thing.exact, "--visibility", "exact"]
+        yield Case(f"{id}/exact", cases.alone(a, exact + ["-o", images["exact"]]), {**labels, "which": "exact"},
+                   makes=(images["exact"],), cost=cost)
+        for which, options in (("before", thing.before), ("after", thing.after)):
+            words = [*base, *options, "-o", images[which]]
+            if thing.exact:  # another set of lights: against their image
+                words = cases.alone(a, words + ["--visibility", "exact", "--reference", images["exact"]])
+            else:
+                words = cases.compare(a, words, level.runs)
+            yield Case(f"{id}/{which}", words, {**labels, "which": which}, (f"{id}/exact",), (images[which],), cost)
+        prefix = f"pictures/seeing-{thing.id}"
+        yield Case(f"{id}/zoom", ["zoom", images["exact"], images["before"], prefix, images["after"]],
+                   {**labels, "which": "zoom"}, tuple(f"{id}/{w}" for w in images), (f"{prefix}-strip.png",), 0.3)
+
+
+ALL = [clusters, parameters, seeing]
