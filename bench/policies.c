@@ -251,7 +251,7 @@ static void replay_all(const record *r, const char *name, const bool chosen[POLI
         if (!chosen[i])
             continue;
         replay_result x = policies[i].estimates ? replay_estimator(r, &policies[i].estimator, NULL, NULL)
-                                                : replay_grid(r, &policies[i].grid);
+                                                : replay_grid(r, &policies[i].grid, NULL);
         double share = (double)x.rays / (double)r->pairs, per_eye = (double)x.rays / r->count;
         double wrong = (double)x.wrong / (double)r->pairs;
         printf("%-52s %9.3f %9.2f %9.3f ", policies[i].name, 100.0 * share, per_eye, 100.0 * x.l_inf);

@@ -21,9 +21,12 @@ static bool load(const record_options *o, record *r, message *err)
     int threads = parallel_thread_count(o->threads);
     if (!scene_finish(r->scene, err) || !tracer_create(r->scene, threads, &r->tracer, err))
         return false;
+    if (o->camera < 0 || (uint32_t)o->camera >= r->scene->camera_count)
+        return fail(err, "%s: no camera %d", o->scene, o->camera);
     r->emitters = emitters_new(r->scene);
     int samples = (int)ceilf(8.0f / sqrtf((float)o->spp)); /* as whitted does by default */
-    r->view = (view){.scene = r->scene, .tracer = r->tracer, .emitters = r->emitters, .camera = r->scene->cameras[0]};
+    r->view =
+        (view){.scene = r->scene, .tracer = r->tracer, .emitters = r->emitters, .camera = r->scene->cameras[o->camera]};
     r->view.settings = (settings){.width = o->width,
                                   .height = o->height,
                                   .spp = o->spp,

@@ -19,6 +19,7 @@
 typedef struct record_options {
     const char *scene, *env; /* env: NULL for the scene's own */
     uint32_t width, height;
+    int camera; /* of the scene's */
     int spp, vpls;
     int threads; /* of the exact rendering; 0: one per CPU */
 } record_options;

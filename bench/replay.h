@@ -6,12 +6,20 @@
 
 #include "record.h"
 
+/* Which clusters of other cells must agree before one answers (Sect. 3.6). */
+typedef enum around_cells {
+    AROUND_4, /* around X in its tangent plane, as the library has it */
+    AROUND_8, /* those at the corners too */
+    AROUND_64 /* these times 8 around Y */
+} around_cells;
+
 /* How much each pair may decide by itself: the start level of Algorithm 2 and how deep it may go. */
 typedef struct grid_policy {
     float ce;
     int levels; /* 1: no refinement */
     int normal_bins, layers;
     float step; /* C_R */
+    around_cells around;
     eye_order order;
     /* contributions are unoccluded ones, relative to the mean over the lights that face the eye sample */
     float refine_above; /* pairs of less are not refined */
@@ -60,7 +68,14 @@ typedef struct replay_result {
     double l_inf;
 } replay_result;
 
-replay_result replay_grid(const record *r, const grid_policy *p);
+/* By eye sample and light, [count][words] as `asked` of the record: what became of each pair. */
+typedef struct replay_bits {
+    uint64_t *clustered; /* not so near that it was traced for that alone */
+    uint64_t *wrong;
+} replay_bits;
+
+/* `bits`: NULL, or members that are cleared. */
+replay_result replay_grid(const record *r, const grid_policy *p, const replay_bits *bits);
 /* `tallies`: MAX_STATES of them, or NULL. `picks`: NULL, or room for count * ceil(4 K) pairs {eye, light}; takes down
  * what was traced, in order, as many as result.rays. */
 replay_result replay_estimator(const record *r, const estimator_policy *p, state_tally *tallies, uint32_t (*picks)[2]);

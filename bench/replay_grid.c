@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Algorithm 2 and its variants, 64 lights at a time as vcache/light_set.c walks. */
-#include "replay.h"
+#include "replay_around.h"
 
 #include <float.h>
 #include <string.h>
 
-enum { NEIGHBOURS = 4, ALL_LEVELS = VCACHE_MAX_LEVELS };
+enum { NEIGHBOURS = AROUND_MAX, ALL_LEVELS = VCACHE_MAX_LEVELS };
 
 typedef struct replay {
     const record *r;
@@ -16,8 +16,11 @@ typedef struct replay {
     float *near_squared; /* of each light: nearer eye samples are answered exactly */
     uint32_t *group;     /* of each light: the next of its light cell, in a ring */
     uint32_t *nearest;   /* [lights][flood] by distance */
+    const replay_bits *bits;
+    light_neighbours beside;
     /* of the eye sample at hand */
     _Alignas(8) char eye[VCACHE_EYE_BYTES];
+    uint64_t around[ALL_LEVELS][AROUND_MAX]; /* keys */
     float *squared_distance, *excess;
     record_row row;
     uint64_t *near_bits, *open, *answer;
@@ -180,11 +183,12 @@ static uint64_t trace(replay *s, uint64_t *row, uint32_t w, uint64_t missing, ui
     return answer;
 }
 
-static uint32_t known_neighbours(const replay *s, const eye_level *l, const uint64_t *rows[NEIGHBOURS])
+static uint32_t known_neighbours(const replay *s, const vcache_eye *end, uint32_t d, const uint64_t *rows[NEIGHBOURS])
 {
     uint32_t count = 0;
-    for (int i = 0; i < NEIGHBOURS; i++) {
-        uint32_t at = cells_find(&s->cells, l->neighbour[i]);
+    const uint64_t *keys = s->p->around ? s->around[d] : end->level[d].neighbour;
+    for (int i = 0; i < (s->p->around ? AROUND_MAX : 4); i++) {
+        uint32_t at = cells_find(&s->cells, keys[i]);
         if (at != NO_CELL)
             rows[count++] = cells_row(&s->cells, at);
     }
@@ -214,7 +218,7 @@ static void walk_down(replay *s, uint32_t eye, const vcache_eye *end, const uint
         }
         const uint64_t *around[NEIGHBOURS];
         bool last = d + 1 == end->levels;
-        uint32_t count = last ? 0 : known_neighbours(s, &end->level[d], around);
+        uint32_t count = last ? 0 : known_neighbours(s, end, d, around);
         any = 0;
         for (uint32_t w = 0; w < words; w++) {
             uint64_t here = left[w] & s->from[d][w] & ~(last ? 0 : s->from[d + 1][w]), later = left[w] & ~here;
@@ -222,7 +226,11 @@ static void walk_down(replay *s, uint32_t eye, const vcache_eye *end, const uint
             if (missing)
                 s->answer[w] |= trace(s, row, w, missing, seen[w]);
             s->traced[w] |= missing;
-            uint64_t differs = count && hit ? hit & s->deeper[d][w] & differing(around, count, words, w, visible) : 0;
+            uint64_t differs = count ? hit & s->deeper[d][w] : 0;
+            if (differs)
+                differs &= s->p->around == AROUND_64
+                               ? around_differing(&s->beside, around, count, words, w, differs, visible)
+                               : differing(around, count, words, w, visible);
             s->answer[w] |= visible & hit & ~differs;
             s->refuted[w] |= differs & (visible ^ seen[w]);
             /* who goes on has started: from now on as any pair of the next level */
@@ -276,7 +284,7 @@ static void walk_up(replay *s, const vcache_eye *end, const uint64_t *seen)
         cells_add(&s->cells, end->level[d].center);
     for (uint32_t d = top; d <= last; d++) {
         rows[d] = cells_row(&s->cells, cells_find(&s->cells, end->level[d].center));
-        count[d] = known_neighbours(s, &end->level[d], around[d]);
+        count[d] = known_neighbours(s, end, d, around[d]);
     }
     for (uint32_t w = 0; w < words; w++) {
         uint64_t known = rows[last][w], visible = rows[last][words + w], agree = s->open[w] & ~known;
@@ -301,6 +309,8 @@ static void one_eye(replay *s, uint32_t eye)
     float ce = s->p->power > 0.0f ? 4.0f * s->p->ce : s->p->ce;
     vcache_surface at = replay_jitter(r, eye, ce, s->p->jitter);
     vcache_prepare_eye(s->cache, &at, ce, 0, end);
+    if (s->p->around)
+        around_prepare(s->cache, &at, ce, end, s->around);
     const uint64_t *seen = r->visible + (size_t)eye * r->words, *asked = r->asked + (size_t)eye * r->words;
     float side = sqrtf(end->side_squared), finest = ldexpf(side, 1 - (int)end->levels);
     float near_side = s->p->distance > 0.0f ? finest : s->p->power > 0.0f && s->p->eye_contacts ? 0.25f * side : side;
@@ -311,6 +321,8 @@ static void one_eye(replay *s, uint32_t eye)
         s->result.rays += (uint32_t)__builtin_popcountll(asked[w] & s->near_bits[w]);
         s->answer[w] = asked[w] & s->near_bits[w] & seen[w];
         s->open[w] = asked[w] & ~s->near_bits[w];
+        if (s->bits)
+            s->bits->clustered[(size_t)eye * r->words + w] = s->open[w];
     }
     if (s->p->agree > 0 && (int)end->levels > s->p->agree) {
         walk_up(s, end, seen);
@@ -323,12 +335,16 @@ static void one_eye(replay *s, uint32_t eye)
             flood(s, end, asked, seen);
     }
     rgb *d = &s->difference[r->pixel[eye]];
-    for (uint32_t w = 0; w < r->words; w++)
-        for (uint64_t wrong = (s->answer[w] ^ seen[w]) & asked[w]; wrong; wrong &= wrong - 1) {
+    for (uint32_t w = 0; w < r->words; w++) {
+        uint64_t wrong = (s->answer[w] ^ seen[w]) & asked[w];
+        if (s->bits)
+            s->bits->wrong[(size_t)eye * r->words + w] = wrong;
+        for (; wrong; wrong &= wrong - 1) {
             uint32_t i = (uint32_t)__builtin_ctzll(wrong);
             *d = v3_mad(*d, s->answer[w] >> i & 1u ? 1.0f : -1.0f, record_contribution(r, eye, 64 * w + i));
             s->result.wrong++;
         }
+    }
 }
 
 /* ---- set-up */
@@ -375,7 +391,7 @@ static void find_nearest(replay *s)
     free(distance);
 }
 
-replay_result replay_grid(const record *r, const grid_policy *p)
+replay_result replay_grid(const record *r, const grid_policy *p, const replay_bits *bits)
 {
     replay *s = xcalloc(1, sizeof *s);
     vcache_config config = vcache_default_config();
@@ -385,7 +401,9 @@ replay_result replay_grid(const record *r, const grid_policy *p)
     config.resolution_step = p->step > 0.0f ? p->step : config.resolution_step;
     s->r = r;
     s->p = p;
+    s->bits = bits;
     s->cache = record_cache(r, config);
+    s->beside = p->around == AROUND_64 ? light_neighbours_new(r, s->cache) : (light_neighbours){0};
     s->difference = xcalloc((size_t)r->view.settings.width * r->view.settings.height, sizeof *s->difference);
     s->near_squared = xcalloc(r->padded, sizeof *s->near_squared);
     s->group = xcalloc(r->padded, sizeof *s->group);
@@ -415,6 +433,7 @@ replay_result replay_grid(const record *r, const grid_policy *p)
 
     free(order);
     cells_free(&s->cells);
+    light_neighbours_free(&s->beside);
     for (int d = 0; d < ALL_LEVELS; d++) {
         free(s->from[d]);
         free(s->deeper[d]);

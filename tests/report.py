@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """bench/report: a small report, whose every number must come from a row, and how it goes on after a stop.
-Usage: report.py BENCH WHITTED BDPT ZOOM"""
+Usage: report.py BENCH WHITTED BDPT ZOOM CLUSTERS"""
 import html.parser
 import json
 import os
 import re
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,7 @@ import xml.dom.minidom
 BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys.argv[2:5]]
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
+import exr  # noqa: E402
 from report import methods, svg  # noqa: E402
 from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
@@ -111,11 +113,11 @@ class Report(unittest.TestCase):
         self.assertGreater(page.markers, 100)
         self.assertNotRegex(text, r'(src|href)="(?!data:|#)')  # nothing outside of the page
         self.assertNotIn(os.path.dirname(PROGRAMS[0]), text + json.dumps(rows))
-        for section in ("headline", "curves", "lights", "converged", "pictures", "maps", "flicker", "edges"):
+        sections = ("curves", "lights", "converged", "pictures", "maps", "flicker", "edges", "clusters", "parameters", "seeing")
+        for section in ("headline", *sections):
             self.assertIn(f'<section id="{section}">', text)
         for row in rows.values():
-            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "maps", "flicker", "edges",
-                                                   "derived"))
+            self.assertIn(row["labels"]["section"], (*sections, "derived"))
 
     def test_a_wrong_number_is_seen(self):
         rows, text = self.rows(), read(os.path.join(self.out, "index.html"))
@@ -159,6 +161,25 @@ class Report(unittest.TestCase):
                     self.assertTrue(b["x"] + b["side"] <= width and b["y"] + b["side"] <= height)
                     for c in blocks[:i]:
                         self.assertGreaterEqual(max(abs(b["x"] - c["x"]), abs(b["y"] - c["y"])), b["side"])
+
+    def test_flip_lies_in_the_image(self):
+        """The layer flip.Y: of the row's mean, and in the worst places that zoom found, of theirs."""
+        rows = self.rows()
+        for r in (r for r in rows.values() if r["labels"]["section"] == "pictures"):
+            scene, method, value = (r["labels"][k] for k in ("scene", "method", "value"))
+            width, height, layers = exr.read(os.path.join(self.out, f"images/curves-{scene}-{method}.exr"))
+            flip, exact = layers["flip.Y"], exr.read(os.path.join(self.out, f"images/curves-{scene}-exact.exr"))[2]
+            self.assertEqual((width, height), (r["figures"]["width"], r["figures"]["height"]))
+            for name in "RGB":
+                self.assertGreater(statistics.fmean(exact[name]), 0.0)
+            self.assertEqual(set(exact["flip.Y"]), {0.0})  # exact beside exact
+            self.assertTrue(0.0 <= min(flip) < max(flip) <= 1.0)
+            said = rows[f"curves/{scene}/{method}/{value}"]["figures"]["error"]["flip"]
+            self.assertAlmostEqual(statistics.fmean(flip), said, 6)
+            for b in r["figures"]["blocks"]:
+                inside = [flip[y * width + x] for y in range(b["y"], b["y"] + b["side"])
+                          for x in range(b["x"], b["x"] + b["side"])]
+                self.assertAlmostEqual(statistics.fmean(inside), b["flip"], 5)
 
     def test_parts_are_there(self):
         for folder, end, least in (("plots", ".svg", 10), ("pictures", ".png", 16)):

@@ -4,6 +4,8 @@
  * that their difference is that of visibility alone. */
 #include "render_support.h"
 
+#include "bench/distances.h"
+
 enum { W = 96, H = 72 };
 
 /* A room that is open to the camera, with a box, a ball, a screen; a lamp and a point light. */
@@ -170,23 +172,23 @@ typedef struct leaks {
 static leaks find_leaks(const frame *exact, const frame *f, double reach)
 {
     leaks l = {0};
-    int w = (int)f->lit.width, h = (int)f->lit.height;
-    for (int y = 0; y < h; y++)
-        for (int x = 0; x < w; x++) {
-            int i = y * w + x;
-            bool dark = exact->depth[i] > 0.0f && !(luminance(exact->lit.pixels[i]) > 0.0f);
-            l.dark += dark;
-            if (!dark || !(luminance(f->lit.pixels[i]) > 0.0f))
-                continue;
-            double nearest = INFINITY;
-            for (int v = 0; v < h; v++)
-                for (int u = 0; u < w; u++)
-                    if (luminance(exact->lit.pixels[v * w + u]) > 0.0f)
-                        nearest = fmin(nearest, hypot(u - x, v - y));
-            l.wrong++;
-            l.count += nearest > reach;
-            l.farthest = fmax(l.farthest, nearest);
-        }
+    size_t count = (size_t)f->lit.width * f->lit.height;
+    uint8_t *lit = xmalloc(count);
+    float *nearest = xmalloc(count * sizeof *nearest);
+    for (size_t i = 0; i < count; i++)
+        lit[i] = luminance(exact->lit.pixels[i]) > 0.0f;
+    mask_distances(lit, f->lit.width, f->lit.height, nearest);
+    for (size_t i = 0; i < count; i++) {
+        bool dark = exact->depth[i] > 0.0f && !lit[i];
+        l.dark += dark;
+        if (!dark || !(luminance(f->lit.pixels[i]) > 0.0f))
+            continue;
+        l.wrong++;
+        l.count += (double)nearest[i] > reach;
+        l.farthest = fmax(l.farthest, (double)nearest[i]);
+    }
+    free(lit);
+    free(nearest);
     return l;
 }
 

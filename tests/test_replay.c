@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The replay of bench/ against the library itself, and what must hold for any estimator. */
 /* first: cmocka's names must not meet the renderer's */
+#include "bench/distances.h"
 #include "bench/replay.h"
 
 #include <setjmp.h>
@@ -52,7 +53,7 @@ static void as_the_library(void **state)
     const record *r = &view_record;
     const vpl_set *l = &r->lights;
     const grid_policy p = {.ce = 8};
-    replay_result replayed = replay_grid(r, &p);
+    replay_result replayed = replay_grid(r, &p, NULL);
 
     vcache *cache = record_cache(r, vcache_default_config());
     vcache_light *ends = calloc(l->count, sizeof *ends);
@@ -99,8 +100,57 @@ static void smallest_cells_are_exact(void **state)
 {
     (void)state;
     const grid_policy p = {.ce = 1e-4f, .levels = 1};
-    replay_result x = replay_grid(&view_record, &p);
+    replay_result x = replay_grid(&view_record, &p, NULL);
     assert_true(x.rays == view_record.pairs && x.wrong == 0 && x.l_inf == 0.0);
+}
+
+/* Bits say of each pair what the result counts. Refinement buys errors by rays, with 8 cells around X more than with 4;
+ * the 64 of both ends need lights in cells beside each other. */
+static void neighbours_refine(void **state)
+{
+    (void)state;
+    const record *r = &view_record;
+    size_t words = (size_t)r->count * r->words;
+    replay_bits bits = {calloc(words, sizeof *bits.clustered), calloc(words, sizeof *bits.wrong)};
+    const grid_policy unrefined = {.ce = 16, .levels = 1};
+    replay_result none = replay_grid(r, &unrefined, NULL), of[3];
+    for (int around = AROUND_4; around <= AROUND_64; around++) {
+        const grid_policy p = {.ce = 16, .around = (around_cells)around};
+        replay_result x = of[around] = replay_grid(r, &p, &bits);
+        uint64_t wrong = 0;
+        for (size_t i = 0; i < words; i++) {
+            wrong += (uint32_t)__builtin_popcountll(bits.wrong[i]);
+            assert_true((bits.wrong[i] & ~bits.clustered[i]) == 0 && (bits.clustered[i] & ~r->asked[i]) == 0);
+        }
+        print_message("%d: %llu rays, %llu wrong\n", around, (unsigned long long)x.rays, (unsigned long long)x.wrong);
+        assert_int_equal(wrong, x.wrong);
+        assert_true(x.rays > none.rays && x.wrong < none.wrong);
+    }
+    assert_true(of[AROUND_8].rays > of[AROUND_4].rays && of[AROUND_8].wrong < of[AROUND_4].wrong);
+    free(bits.clustered);
+    free(bits.wrong);
+}
+
+/* All of them by hand; where nothing is set, infinity. */
+static void distances_are_the_nearest(void **state)
+{
+    (void)state;
+    enum { W = 23, H = 14 };
+    uint8_t mask[W * H];
+    float found[W * H];
+    for (uint32_t one_in = 1; one_in <= 1000; one_in *= 10) {
+        rng random = rng_make(7, one_in);
+        for (int i = 0; i < W * H; i++)
+            mask[i] = rng_float(&random) * (float)one_in < 1.0f;
+        mask_distances(mask, W, H, found);
+        for (int i = 0; i < W * H; i++) {
+            double nearest = INFINITY;
+            for (int k = 0; k < W * H; k++)
+                if (mask[k])
+                    nearest = fmin(nearest, hypot(i % W - k % W, i / W - k / W));
+            assert_true((double)found[i] == nearest || fabs((double)found[i] - nearest) < 1e-5);
+        }
+    }
 }
 
 /* As many rays as lights leave nothing to estimate; more rays leave less error; the cache leaves less than none. */
@@ -124,8 +174,8 @@ static void estimators_converge(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(as_the_library),
-        cmocka_unit_test(smallest_cells_are_exact),
+        cmocka_unit_test(as_the_library),      cmocka_unit_test(smallest_cells_are_exact),
+        cmocka_unit_test(neighbours_refine),   cmocka_unit_test(distances_are_the_nearest),
         cmocka_unit_test(estimators_converge),
     };
     return cmocka_run_group_tests_name("replay", tests, set_up, tear_down);

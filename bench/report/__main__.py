@@ -16,6 +16,9 @@ FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in sc
   flicker    how errors change while camera or lights move
   edges      where the edges of hard shadows go, and how ragged they are
   maps       plain shadow maps beside the cache's frames of `lights`
+  clusters   which answers of the cache are wrong, and how far from a shadow's edge (Sect. 5.1)
+  parameters C_N, C_Z, C_R, refinement, memory, hashes: one at a time around the defaults
+  seeing     what one sees where something is wrong, which option mends it, what that costs; also OUT/seeing.md
 """
 import csv
 import json
@@ -25,7 +28,8 @@ import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from report import converged, curves, edges, flicker, headline, lights, made, pictures, shadow_maps
+from report import (clusters, converged, curves, edges, flicker, headline, lights, made, parameters, pictures, seen,
+                    shadow_maps)
 from report.cases import ALL, present
 from report.cases_hard import HARD
 from report.levels import LEVELS
@@ -37,9 +41,10 @@ from scenes import ROOT, Failure, Parser, is_builtin, missing_file, run_main
 # Anchor; module with TITLE and section(a, rows), which gives HTML; whose rows it shows (labels["section"] of cases.py).
 SECTIONS = [("headline", headline, "curves"), ("curves", curves, "curves"), ("lights", lights, "lights"),
             ("converged", converged, "converged"), ("pictures", pictures, "pictures"), ("maps", shadow_maps, "maps"),
-            ("flicker", flicker, "flicker"), ("edges", edges, "edges")]
+            ("flicker", flicker, "flicker"), ("edges", edges, "edges"), ("clusters", clusters, "clusters"),
+            ("parameters", parameters, "parameters"), ("seeing", seen, "seeing")]
 # Programs of their own, which lie beside zoom.
-BESIDE = ["shadow_maps", "sequence", "edges"]
+BESIDE = ["shadow_maps", "sequence", "edges", "clusters"]
 
 
 def parse():

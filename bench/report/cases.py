@@ -3,7 +3,7 @@
 import os
 
 import convergence
-from report import made
+from report import made, study_cases
 from report.runner import Case
 from scenes import is_builtin, missing_file, scene_words
 
@@ -153,7 +153,7 @@ def pictures(a, level):
 
 
 # A section adds its generator here; each takes the options and the level and yields its cases.
-ALL = [curves, lights, converged, pictures]
+ALL = [curves, lights, converged, pictures, *study_cases.ALL]
 
 
 def present(a, scenes):

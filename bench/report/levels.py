@@ -23,6 +23,9 @@ class Level:
     maps: list          # texels a side of shadow maps
     sequence: dict      # of moving pictures: frames, paths a pixel, C_E, environment lights, virtual lights
     edges: dict         # of hard shadows: size, C_E, that of the pictures
+    clusters: dict      # scenes; C_E at several paths a pixel, at one; those that are also rendered unrefined, shared
+    studies: dict       # size and paths of the images, scenes; values of each of whitted's options besides the default
+    seeing: dict        # size of the images, virtual and sky lights
 
 
 LEVELS = {
@@ -41,7 +44,13 @@ LEVELS = {
         maps=[1024, 2048, 4096, 6000],
         sequence={"frames": 60, "spp": 4, "ce": [4, 8, 16, 32], "env_lights": 64, "vpls": 128,
                   "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]},
-        edges={"size": "640x360", "ce": [2, 4, 8, 16], "shown": 8}),
+        edges={"size": "640x360", "ce": [2, 4, 8, 16], "shown": 8},
+        clusters={"scenes": ["conference-lights", "kitchen", "conference", "san-miguel"], "ce": [8, 16, 32], "one": [4, 8, 16],
+         "also": [16]},
+        studies={"size": "320x180", "spp": 4, "scenes": ["kitchen", "conference", "san-miguel"], "ce": 8, "table_mb": 64,
+         "options": {"ce": [4, 16], "cn": [1, 2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2, 2.5],
+                     "refine": [1, 2, 4, 6], "refine-above": [0, 0.25, 1, 2], "cache-mb": [1, 2, 16, 64]}},
+        seeing={"size": "320x180", "lights": 256}),
     "quick": Level(
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
@@ -54,7 +63,12 @@ LEVELS = {
         maps=[128, 256, 512],
         sequence={"frames": 8, "spp": 4, "ce": [4, 16], "env_lights": 36, "vpls": 0, "grid": ["NEAR", "OPT"],
                   "estimate": [4]},
-        edges={"size": "320x180", "ce": [4, 8], "shown": 8}),
+        edges={"size": "320x180", "ce": [4, 8], "shown": 8},
+        clusters={"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]},
+        studies={"size": "96x54", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 4,
+         "options": {"ce": [4, 16], "cn": [2, 32], "cz": [2, 32], "cr": [2.5], "refine": [1, 2],
+                     "refine-above": [0, 2], "cache-mb": [1, 16]}},
+        seeing={"size": "128x72", "lights": 64}),
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
@@ -64,4 +78,9 @@ LEVELS = {
         maps=[32, 64],
         sequence={"frames": 2, "spp": 4, "ce": [4], "env_lights": 36, "vpls": 16, "grid": ["NEAR"],
                   "estimate": [4]},
-        edges={"size": "96x54", "ce": [4], "shown": 4})}
+        edges={"size": "96x54", "ce": [4], "shown": 4},
+        clusters={"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]},
+        studies={"size": "32x18", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 1,
+         "options": {"ce": [4, 16], "cn": [2], "cz": [2], "cr": [2.5], "refine": [1], "refine-above": [2],
+                     "cache-mb": [1]}},
+        seeing={"size": "48x27", "lights": 32})}

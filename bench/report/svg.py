@@ -70,8 +70,13 @@ class Linear:
         return [(i * step, True) for i in range(int(self.high / step * 1.0001) + 1)]
 
 
+def from_zero(values, start, end):
+    """Linear, where a plot wants it in place of Axis."""
+    return Linear(max(values), start, end)
+
+
 def label(value):
-    return f"{value:g}" if 1e-3 <= value < 1e4 else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    return f"{value:g}" if value == 0 or 1e-3 <= value < 1e4 else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
 
 
 def grid(x, y, box, x_label=label, y_label=label):
@@ -146,11 +151,13 @@ def padded(values):
 
 
 class Plot:
-    """Both axes logarithmic unless `x_axis` or `y_axis` is given as a class; series are labelled where they are."""
+    """Both axes logarithmic unless `x_axis` or `y_axis` is from_zero; series are labelled where they are."""
 
-    def __init__(self, x_name, y_name, width=760, height=470, size=13, x_label=label, y_label=label, floor=None):
+    def __init__(self, x_name, y_name, width=760, height=470, size=13, x_label=label, y_label=label, floor=None,
+                 x_axis=Axis, y_axis=Axis):
         self.x_name, self.y_name, self.width, self.height, self.size = x_name, y_name, width, height, size
         self.x_label, self.y_label = x_label, y_label
+        self.x_axis, self.y_axis = x_axis, y_axis
         self.floor = floor  # of x: points below stand at the border
         self.series, self.ringed, self.front = [], [], []
         self.horizontal, self.vertical = [], []  # (value, words)
@@ -165,7 +172,7 @@ class Plot:
         if self.floor:
             xs = [max(x, self.floor) for x in xs] or [self.floor, 1.0]
         ys = [p[1] for p in points if p[1] > 0] + [v for v, _ in self.horizontal]
-        return Axis(padded(xs or [1]), left, right), Axis(padded(ys or [1]), bottom, top)
+        return self.x_axis(padded(xs or [1]), left, right), self.y_axis(padded(ys or [1]), bottom, top)
 
     def beside_lines(self, y, drawn):
         """Words of the horizontal lines, left, middle or right, above or below, where least is; and their boxes."""

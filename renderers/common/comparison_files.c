@@ -36,6 +36,8 @@ static void describe(const comparison *c, image_texts *t)
     image_text(t, "shadeSeconds", "%.6f", f->shade_s);
     image_text(t, "raysAsked", "%llu", (unsigned long long)f->rays.asked);
     image_text(t, "raysTraced", "%llu", (unsigned long long)f->rays.traced);
+    image_text(t, "exposure", "%.9g",
+               (double)frame_exposure(c->runs > 0 ? &c->exact_frame : f)); /* of pictures, FLIP */
     image_text(t, "complete", "%s", f->complete ? "yes" : "no, interrupted");
 }
 
