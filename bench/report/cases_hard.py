@@ -60,7 +60,7 @@ def edges(a, level):
         for ce in e["ce"]:
             case = Case(f"edges/{scene}/{ce}", ["edges", *words, "--size", e["size"], "--ce", str(ce)],
                         {"section": "edges", "scene": scene, "method": "edges", "value": ce},
-                        cost=0.5 + 2 * cost(level, 1, 24, 8))
+                        cost=1 + 25 * cost(level, 1, 24, 1))
             if ce == e["shown"]:
                 prefix = f"pictures/edges-{scene}"
                 case.words += ["--picture", prefix]

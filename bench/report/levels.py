@@ -41,7 +41,7 @@ LEVELS = {
         maps=[1024, 2048, 4096, 6000],
         sequence={"frames": 60, "spp": 4, "ce": [4, 8, 16, 32], "env_lights": 64, "vpls": 128,
                   "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]},
-        edges={"size": "640x360", "ce": [2, 4, 8, 16], "shown": 8}),
+        edges={"size": "640x360", "ce": [4, 8, 16], "shown": 8}),
     "quick": Level(
         "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
