@@ -61,7 +61,7 @@ bool stage_open(stage *s, const char *summary, const option *table, size_t count
         *code = program_stop(a, status, &err);
         return false;
     }
-    notice_enable(false);
+    a->quiet = true;
     if (program_begin(a, frame_bytes(&s->settings), &none, &err) && load(s, &err))
         return true;
     *code = program_end(a, false, &err);

@@ -21,22 +21,24 @@ def maps(a, level):
 
 
 def moving(a, level):
-    """Scenes that move: what, the scene's words, and whether the cache can keep something, whether all lights are hard."""
+    """Scenes that move: what moves, scene, kind of light, the scene's words, whether the cache can keep something."""
     with_sky = ["--env-lights", str(level.sequence["env_lights"])]
     kind, scene, words = hard(a, level)
-    yield "camera", scene, kind, words, True, True
+    yield "camera", scene, kind, words, True
     if kind == "points and a sun":
-        yield "light", scene, kind, words, True, True
+        yield "light", scene, kind, words, True
     for scene in a.present(["shapes"]):
-        yield "light", scene, "sky", scene_words(a, scene) + sky(a, scene) + with_sky, False, True
+        yield "light", scene, "sky", scene_words(a, scene) + sky(a, scene) + with_sky, False
     for scene in a.present(["conference"]) or ["cornell"] if level.sequence["vpls"] else []:
-        yield "camera", scene, "virtual lights", scene_words(a, scene) + ["--vpls", str(level.sequence["vpls"])], True, False
+        with_vpls = ["--vpls", str(level.sequence["vpls"])]
+        yield "camera", scene, "virtual lights", scene_words(a, scene) + with_vpls, True
 
 
 def flicker(a, level):
     s = level.sequence
-    for motion, scene, kind, words, keeps, is_hard in moving(a, level):
-        ways = [f"{way}:{word(ce)}" for way in ("cache", "kept", "unrefined") for ce in s["ce"] if keeps or way != "kept"]
+    for motion, scene, kind, words, keeps in moving(a, level):
+        plain = ("cache", "kept", "unrefined") if keeps else ("cache", "unrefined")
+        ways = [f"{way}:{word(ce)}" for way in plain for ce in s["ce"]]
         ways += [f"estimate:{k}" for k in s["estimate"] if kind == "sky"]
         ways += [f"grid:{mode}" for mode in s["grid"] if kind == "sky"]
         yield Case(f"flicker/{motion}/{scene}/{kind.replace(' ', '-')}",
@@ -58,11 +60,12 @@ def edges(a, level):
         for ce in e["ce"]:
             case = Case(f"edges/{scene}/{ce}", ["edges", *words, "--size", e["size"], "--ce", str(ce)],
                         {"section": "edges", "scene": scene, "method": "edges", "value": ce},
-                        cost=0.5 + 2 * cost(level, 1, 24, 8))
+                        cost=1 + 25 * cost(level, 1, 24, 1))
             if ce == e["shown"]:
                 prefix = f"pictures/edges-{scene}"
                 case.words += ["--picture", prefix]
-                case.makes = tuple(f"{prefix}{zoom}-{way}.png" for zoom in ("", "-zoom") for way in ["exact", *EDGE_WAYS])
+                case.makes = tuple(f"{prefix}{zoom}-{way}.png" for zoom in ("", "-zoom")
+                                   for way in ["exact", *EDGE_WAYS])
             yield case
 
 

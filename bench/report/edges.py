@@ -6,8 +6,11 @@ from report.svg import Plot, Series, head, marker, text
 TITLE = "Edges of shadows"
 ORDERS = {"halton": ("Halton order", "#d55e00", "circle"), "scanline": ("scanlines", "#0072b2", "square"),
           "random": ("random", "#333333", "diamond")}
+COLUMNS = [("right", "error"), ("down", "error"), ("off", "error"), ("ragged", "error"), ("rays", "share"),
+           ("mispredicted", "percent"), ("l_inf", "percent")]
 STYLE = """<style>
-.crops figure, .whole figure { margin: 0; } .crops figcaption, .whole figcaption { font-size: 0.82em; line-height: 1.35; }
+.crops figure, .whole figure { margin: 0; }
+.crops figcaption, .whole figcaption { font-size: 0.82em; line-height: 1.35; }
 .crops img { image-rendering: pixelated; vertical-align: bottom; margin-right: 4px; } .crops img.large { width: 160px; }
 .whole img { width: 320px; }
 </style>"""
@@ -74,44 +77,51 @@ def over_ce(own, field, title):
 def crops(a, row):
     prefix = f'pictures/edges-{row["labels"]["scene"]}'
     ways = ["exact"] + [w["name"] for w in row["figures"]["ways"]]
-    whole = "".join(f'<figure>{picture(a, f"{prefix}-{way}.png", way)}<figcaption>{name(said)}</figcaption></figure>'
-                    for way, said in (("exact", "exact"), ("halton", words("halton")), ("scanline-plain", words("scanline-plain"))))
+
+    def said(way):
+        return "exact" if way == "exact" else words(way)
+
+    def titled(images, way):
+        return f"<figure>{images}<figcaption>{name(said(way))}</figcaption></figure>"
+
+    whole = "".join(titled(picture(a, f"{prefix}-{way}.png", way), way) for way in ("exact", "halton", "scanline-plain"))
 
     def enlarged(way):
-        said = "exact" if way == "exact" else words(way)
-        one = picture(a, f"{prefix}-zoom-{way}.png", said)
+        one = picture(a, f"{prefix}-zoom-{way}.png", said(way))
         large = one.replace("<img ", '<img class="large" ', 1)
-        return f"<figure>{one}{large}<figcaption>{name(said)}</figcaption></figure>"
+        return titled(one + large, way)
 
     refined = [way for way in ways if "-" not in way]
     parts = "".join(f'<div class="row crops">{"".join(map(enlarged, some))}</div>'
                     for some in (refined, [way for way in ways if way not in refined]))
-    place = f'<p>Where they differ most, pixel by pixel and enlarged: {number(row, "figures.side", "plain")} pixels a side ' \
-            f'at ({number(row, "figures.x", "plain")}, {number(row, "figures.y", "plain")}), C_E = ' \
+    place = '<p>Where they differ most, pixel by pixel and enlarged: ' \
+            f'{number(row, "figures.side", "plain")} pixels a side at ({number(row, "figures.x", "plain")}, ' \
+            f'{number(row, "figures.y", "plain")}), C_E = ' \
             f'{number(row, "figures.ce", "plain")}.</p>'
     return f'<div class="row whole">{whole}</div>{place}{parts}'
 
 
 def scene_section(a, scene, own):
     shown = next((r for r in own if "side" in r["figures"]), own[-1])
-    drawn = [save_plot(a, f"edges-{scene}-shift.svg", where_edges_go(shown))] if shown["figures"]["ways"][0]["edges"] else []
+    drawn = []
+    if shown["figures"]["ways"][0]["edges"]:
+        drawn.append(save_plot(a, f"edges-{scene}-shift.svg", where_edges_go(shown)))
     drawn += [save_plot(a, f"edges-{scene}-{field}.svg", over_ce(own, field, title))
               for field, title in (("off", "mean distance of an edge from exact's, pixels"),
                                    ("ragged", "raggedness: jump from a row to the next, pixels"))]
     figures = ""
     for r in own:
         ways = r["figures"]["ways"]
-        columns = [("C_E", lambda i, r=r: number(r, "figures.ce", "plain")), ("order", lambda i, w=ways: name(words(w[i]["name"])))]
-        columns += [(title, lambda i, f=f, form=form, r=r: number(r, f"figures.ways.{i}.{f}", form))
-                    for title, f, form in (("right", "right", "error"), ("down", "down", "error"), ("off", "off", "error"),
-                                           ("ragged", "ragged", "error"), ("rays", "rays", "share"),
-                                           ("mispredicted", "mispredicted", "percent"), ("l_inf", "l_inf", "percent"))]
+        columns = [("C_E", lambda i, r=r: number(r, "figures.ce", "plain")),
+                   ("order", lambda i, w=ways: name(words(w[i]["name"])))]
+        columns += [(f, lambda i, f=f, form=form, r=r: number(r, f"figures.ways.{i}.{f}", form)) for f, form in COLUMNS]
         figures += table(columns, range(len(ways)))
-    caption = f"{name(scene)}: {setting(own[0])}; {number(shown, 'figures.ways.0.edges', 'count')} places on edges at " \
-              f"C_E = {number(shown, 'figures.ce', 'plain')}, which are those of the first plot. Shifts to the right and down are " \
-              "positive; hollow: not refined."
+    caption = f"{name(scene)}: {setting(own[0])}; {number(shown, 'figures.ways.0.edges', 'count')} places on edges " \
+              f"at C_E = {number(shown, 'figures.ce', 'plain')}, which are those of the first plot. Shifts to the right " \
+              "and down are positive; hollow: not refined."
     inside = f'<div class="row">{"".join(drawn)}</div>{crops(a, shown)}'
-    return f"<h3>{name(scene)}</h3>" + figure(f"{inside}<details><summary>figures</summary>{figures}</details>", caption, own)
+    inside += f"<details><summary>figures</summary>{figures}</details>"
+    return f"<h3>{name(scene)}</h3>" + figure(inside, caption, own)
 
 
 def section(a, rows):
@@ -119,10 +129,10 @@ def section(a, rows):
     for r in rows.values():
         if r["labels"]["section"] == "edges":
             places.setdefault(r["labels"]["scene"], []).append(r)
-    top = "<p>Whoever asks first speaks for a cell. In scanline order that is its upper left corner, so shadows move right " \
-          f"and down {given('(Popov et al. 2013, Fig. 4)')}, and refinement finds the neighbours on two sides alone. " \
-          "The renderers light the pixels of a tile in Halton order. An edge is a row or column of pixels on one plane of " \
-          "which exact sees one half lit and the other not; its shift is by how many pixels the cache moves it, its " \
-          f"raggedness {given('(Fig. 3, 8)')} the root mean square of how much that changes from one row to the next. One path " \
-          "a pixel, one cache for the image.</p>"
+    top = "<p>Whoever asks first speaks for a cell. In scanline order that is its upper left corner, so shadows move " \
+          f"right and down {given('(Popov et al. 2013, Fig. 4)')}, and refinement finds the neighbours on two sides " \
+          "alone. The renderers light the pixels of a tile in Halton order. An edge is a row or column of pixels on " \
+          "one plane of which exact sees one half lit and the other not; its shift is by how many pixels the cache moves " \
+          f"it, its raggedness {given('(Fig. 3, 8)')} the root mean square of how much that changes from one row to " \
+          "the next. One path a pixel, one cache for the image.</p>"
     return STYLE + top + "\n".join(scene_section(a, scene, own) for scene, own in places.items())

@@ -80,16 +80,16 @@ def one(a, rows, row):
     figures = table(columns, range(len(row["figures"]["ways"])))
     moves = {"camera": "the camera goes forward and turns", "light": "the sun or sky turns"}[motion]
     stand = " Virtual lights are those of the first frame." if kind == "virtual lights" else ""
-    caption = f"{name(scene)}, {name(kind)}; {moves}: {number(row, 'figures.frames', 'plain')} frames, {setting(row)}." \
-              f"{stand} Changes of single pixels are in units of the mean pixel."
+    caption = f"{name(scene)}, {name(kind)}; {moves}: {number(row, 'figures.frames', 'plain')} frames, " \
+              f"{setting(row)}.{stand} Changes of single pixels are in units of the mean pixel."
     inside = plots(a, row) + verdict(rows, row) + f"<details><summary>figures</summary>{figures}</details>"
     return f"<h3>{name(scene)}: the {name(motion)} moves</h3>" + figure(inside, caption, [row])
 
 
 def section(a, rows):
-    head = "<p>An error that stands still is a stain; one that comes and goes is seen at once. Of each frame the signed " \
-           "difference to exact; its change to the next frame, summed over the pixels, over all light. Frames are " \
-           "evenly spaced: a thousandth of the scene and a quarter of a degree a frame, or one degree of the sky. A " \
+    head = "<p>An error that stands still is a stain; one that comes and goes is seen at once. Of each frame the " \
+           "signed difference to exact; its change to the next frame, summed over the pixels, over all light. Frames " \
+           "are evenly spaced: a thousandth of the scene and a quarter of a degree a frame, or one degree of the sky. A " \
            "kept cache forgets what it knew of lights that moved: where all lights turn it is the emptied one " \
            f"{given('(Popov et al. 2013, Sect. 5.3)')}.</p>"
     return head + "\n".join(one(a, rows, r) for r in list(rows.values()) if r["labels"]["section"] == "flicker")

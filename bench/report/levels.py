@@ -44,7 +44,7 @@ LEVELS = {
         maps=[1024, 2048, 4096, 6000],
         sequence={"frames": 60, "spp": 4, "ce": [4, 8, 16, 32], "env_lights": 64, "vpls": 128,
                   "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]},
-        edges={"size": "640x360", "ce": [2, 4, 8, 16], "shown": 8},
+        edges={"size": "640x360", "ce": [4, 8, 16], "shown": 8},
         clusters={"scenes": ["conference-lights", "kitchen", "conference", "san-miguel"], "ce": [8, 16, 32], "one": [4, 8, 16],
          "also": [16]},
         studies={"size": "320x180", "spp": 4, "scenes": ["kitchen", "conference", "san-miguel"], "ce": 8, "table_mb": 64,
