@@ -199,12 +199,12 @@ def replays(rows, scenes):
             return number(row, f"figures.{field}", "times")
 
         said.append(f'{name(scene)}: one orientation takes {ratio("orientation_share")} the rays at '
-                    f'{ratio("orientation_l_inf")} the error; 8 neighbours {ratio("around_8_share")} at '
-                    f'{ratio("around_8_l_inf")}; 64 {ratio("around_64_share")} at {ratio("around_64_l_inf")}.')
+                    f'{ratio("orientation_l_inf")} the error; {name("8 neighbours")} {ratio("around_8_share")} at '
+                    f'{ratio("around_8_l_inf")}; {name("64")} {ratio("around_64_share")} at {ratio("around_64_l_inf")}.')
     caption = "Replayed pair by pair, cells unlimited in number, all lights refined. " + " ".join(said) + \
-              f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}, and takes 4 of the 64 neighbours " \
-              f"for efficiency {given('(Sect. 3.6)')}: 8 around the eye's cell times 8 around the light's, where " \
-              "there may be no light, or one whose density puts it into cells of another size."
+              f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}, and asks the cells beside X alone " \
+              f"for efficiency {given('(Sect. 3.6)')}: beside the light's cell there may be no light, or one whose " \
+              "density puts it into cells of another size."
     return "<h3>One orientation, more neighbours</h3>" + figure(table(columns, own), caption, own)
 
 
