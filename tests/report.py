@@ -116,8 +116,8 @@ class Report(unittest.TestCase):
         for section in ("headline", "curves", "lights", "converged", "pictures", "clusters", "parameters", "seeing"):
             self.assertIn(f'<section id="{section}">', text)
         for row in rows.values():
-            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "clusters", "parameters", "seeing",
-                                                   "derived"))
+            self.assertIn(row["labels"]["section"], ("curves", "lights", "converged", "pictures", "clusters",
+                                                    "parameters", "seeing", "derived"))
 
     def test_a_wrong_number_is_seen(self):
         rows, text = self.rows(), read(os.path.join(self.out, "index.html"))
