@@ -40,7 +40,8 @@ def visibility_plots(a, row):
                   x_axis=from_zero, y_axis=from_zero, y_label=percents)
     speaks.series = [Series("as the paper expects: V", of_list(row, "visibility", "v", "v", "percent", "V"), "#777777",
                             "down", True, True),
-                     Series("measured", of_list(row, "visibility", "v", "visible", "percent", "V"), "#0072b2", "square")]
+                     Series("measured", of_list(row, "visibility", "v", "visible", "percent", "V"), "#0072b2",
+                            "square")]
     wrong = Plot("average visibility V of a cluster", "wrong answers", 560, 400, 12, x_axis=from_zero,
                  y_axis=from_zero, y_label=percents)
     wrong.series = [Series(words, of_list(row, "visibility", "v", field, "percent", "V"), colour, shape, dashed, dashed)
@@ -52,7 +53,8 @@ def visibility_plots(a, row):
 
 
 def distance_plot(a, own):
-    p = Plot("distance from the shadow's edge, in cell sides (C_E / sqrt(paths) pixels); bins begin here, the last is open",
+    p = Plot("distance from the shadow's edge, in cell sides (C_E / sqrt(paths) pixels); bins begin here, the " \
+             "last is open",
              "share of the wrong answers", 860, 460, x_axis=from_zero, y_label=percents)
     for row, (colour, shape) in zip(own, LOOKS):
         other = row["labels"]["variant"] != "refined"
@@ -79,8 +81,10 @@ def scene_section(a, rows, scene):
     first = next((r for r in own if r["labels"]["variant"] == "refined" and r["labels"]["spp"] > 1), own[0])
     paper = of_paper(rows, scene, first)
     places = "" .join(visibility_plots(a, first))
-    said = f"{name(scene)}, {name(name_of(first))}: {setting(first)}. In {number(first, 'figures.pure', 'share')} of the " \
-           "pairs the whole cluster is of one mind and nothing can go wrong. Over the bins the share of clusters that " \
+    said = f"{name(scene)}, {name(name_of(first))}: {setting(first)}. In {number(first, 'figures.pure', 'share')} " \
+           f"of the " \
+           "pairs the whole cluster is of one mind and nothing can go wrong. Over the bins the share of clusters " \
+           "that " \
            f"answer visible is off V by {number(paper, 'figures.off_visible', 'percent')} (mean); without refinement " \
            f"{number(paper, 'figures.off_wrong', 'times')} as many pairs are wrong as expected, with it " \
            f"{number(paper, 'figures.left_by_refining', 'share')} of these remain."
@@ -97,7 +101,8 @@ def scene_section(a, rows, scene):
                ("farthest quarter", lambda r: number(r, "figures.distance.quarters.3.mean", "error")),
                ("seen steeply", lambda r: number(r, "figures.distance.slants.0.mean", "error")),
                ("grazing", lambda r: number(r, "figures.distance.slants.1.mean", "error"))]
-    where = f"{name(scene)}: distance of each wrong answer from the nearest place in the image that sees the light as " \
+    where = f"{name(scene)}: distance of each wrong answer from the nearest place in the image that sees the " \
+            f"light as " \
             "was answered."
     return f"<h3>{name(scene)}</h3>" + figure(f'<div class="row">{places}</div>', said, [first]) + \
         figure(distance_plot(a, own) + table(columns, own), where, own)
@@ -112,10 +117,13 @@ def verdict(rows, own):
                "diagonal": max(r["figures"]["distance"]["diagonal"] for r in apart),
                "largest": max(r["figures"]["distance"]["largest"] for r in apart)}
     row = derived(rows, "clusters/verdict", figures, [r["id"] for r in apart])
-    words = f"In {number(row, 'figures.held', 'count')} of {number(row, 'figures.settings', 'count')} settings less than " \
+    words = f"In {number(row, 'figures.held', 'count')} of {number(row, 'figures.settings', 'count')} settings " \
+            f"less than " \
             f"{given('1 %')} of the wrong answers lie farther than one side from a true edge; at most " \
-            f"{number(row, 'figures.beyond', 'percent')} do, {number(row, 'figures.diagonal', 'percent')} farther than a " \
-            f"diagonal, none farther than {number(row, 'figures.largest', 'error')} sides. (A cell is a square on its " \
+            f"{number(row, 'figures.beyond', 'percent')} do, {number(row, 'figures.diagonal', 'percent')} farther " \
+            f"than a " \
+            f"diagonal, none farther than {number(row, 'figures.largest', 'error')} sides. (A cell is a square on " \
+            f"its " \
             "surface: seen at a grazing angle it is up to twice as long in the image as it should be.)"
     shared = [r for r in own if r["labels"]["variant"] == "shared"]
     if shared:
@@ -128,10 +136,14 @@ def verdict(rows, own):
 
 def section(a, rows):
     own = [r for r in rows.values() if r["labels"]["section"] == "clusters"]
-    head = "<p>Each pair of an eye sample and a virtual point light, with no limit of memory, against exact visibility. " \
-           f"Popov et al. {given('(2013)')} argue that the first pair speaks for a cluster, which is therefore visible " \
-           f"with a probability of V, its average visibility {given('(Eq. 12)')}, so that {given('2 V (1 - V)')} of the pairs " \
-           f"of all such clusters are wrong; and that errors stay within C_E x C_E eye samples {given('(Sect. 3.4)')}, " \
+    head = "<p>Each pair of an eye sample and a virtual point light, with no limit of memory, against exact " \
+           "visibility. " \
+           f"Popov et al. {given('(2013)')} argue that the first pair speaks for a cluster, which is therefore " \
+           f"visible " \
+           f"with a probability of V, its average visibility {given('(Eq. 12)')}, so that {given('2 V (1 - V)')} " \
+           f"of the pairs " \
+           f"of all such clusters are wrong; and that errors stay within C_E x C_E eye samples " \
+           f"{given('(Sect. 3.4)')}, " \
            "wherever in the image.</p>"
     scenes = list(dict.fromkeys(r["labels"]["scene"] for r in own))
     return head + verdict(rows, own) + "\n".join(scene_section(a, rows, s) for s in scenes)

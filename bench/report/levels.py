@@ -72,7 +72,8 @@ LEVELS = {
     "tiny": Level(
         "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
-         "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"], "bdpt": [12]},
+         "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"],
+         "bdpt": [12]},
         {"cache": 8, "estimate": 8}, False, {"hard": ([4, 8], [4]), "soft": ([8, 16], [4])}, ["cornell"], 64,
         {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]},
         maps=[32, 64],

@@ -133,7 +133,8 @@ def parameter_section(a, rows, scenes, parameter, spread):
     if not of:
         return ""
     plots = "".join(plot(a, scene, parameter, own) for scene, own in of.items())
-    columns = [("scene", lambda r: name(r["labels"]["scene"])), ("value", lambda r: number(r, "figures.value", "plain")),
+    columns = [("scene", lambda r: name(r["labels"]["scene"])),
+               ("value", lambda r: number(r, "figures.value", "plain")),
                ("rays", lambda r: number(r, "figures.share", "share")),
                ("faster than exact", lambda r: number(r, "figures.faster", "times")),
                ("l_inf", lambda r: number(r, "figures.l_inf", "percent")),
@@ -166,7 +167,8 @@ def hashes(rows, scenes):
                ("slots", lambda r: number(r, "figures.hash.words", "count")),
                ("used", lambda r: number(r, "figures.hash.slots", "count")),
                ("of what chance would use", lambda r: number(r, "figures.hash.slots_share", "share"))]
-    caption = "Above: frames with single words for pairs, each hash in turn. Below: the pairs of cells that the view asks " \
+    caption = "Above: frames with single words for pairs, each hash in turn. Below: the pairs of cells that the " \
+              "view asks " \
               "for; how many have another one's slot and digest and would get its answer, and how many slots they use."
     return f"<h3>Hashes {given('(Sect. 4.1)')}</h3>" + figure(table(columns, own) + table(of_keys, keys), caption,
                                                              own + keys)
@@ -200,11 +202,12 @@ def replays(rows, scenes):
 
         said.append(f'{name(scene)}: one orientation takes {ratio("orientation_share")} the rays at '
                     f'{ratio("orientation_l_inf")} the error; {name("8 neighbours")} {ratio("around_8_share")} at '
-                    f'{ratio("around_8_l_inf")}; {name("64")} {ratio("around_64_share")} at {ratio("around_64_l_inf")}.')
+                    f'{ratio("around_8_l_inf")}; {name("64")} {ratio("around_64_share")} at '
+                    f'{ratio("around_64_l_inf")}.')
     caption = "Replayed pair by pair, cells unlimited in number, all lights refined. " + " ".join(said) + \
-              f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}, and takes {given('4 of the 64')} " \
-              f"neighbours for efficiency {given('(Sect. 3.6)')}: {given('8')} around the eye's cell times {given('8')} around the light's, where " \
-              "there may be no light, or one whose density puts it into cells of another size."
+              f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}, and asks the cells beside " \
+              f"the eye's alone, for efficiency {given('(Sect. 3.6)')}: beside the light's cell there may be no light, or one whose " \
+              "density puts it into cells of another size."
     return "<h3>One orientation, more neighbours</h3>" + figure(table(columns, own), caption, own)
 
 
@@ -213,9 +216,12 @@ def section(a, rows):
     base = [r for s in scenes for r in of_scene(rows, s, "default")]
     time = clock(rows, scenes)
     shown = "; ".join(f"{name(r['labels']['scene'])}: {setting(r)}" for r in base)
-    head = f"<p>The plain cache, one parameter moved at a time. {shown}. Fewer rays with more error prove nothing, for " \
-           "C_E buys that too: so each value is also given as rays and time at equal error, C_E being moved along its own " \
+    head = f"<p>The plain cache, one parameter moved at a time. {shown}. Fewer rays with more error prove " \
+           f"nothing, for " \
+           "C_E buys that too: so each value is also given as rays and time at equal error, C_E being moved along " \
+           "its own " \
            "line of rays over error. Rays within a twentieth count as the same, times within twice the spread of the " \
-           f"same exact frame's, which is a factor of {number(time, 'figures.spread', 'times')} (standard deviation).</p>"
+           f"same exact frame's, which is a factor of {number(time, 'figures.spread', 'times')} (standard " \
+           f"deviation).</p>"
     sections = "".join(parameter_section(a, rows, scenes, p, time["figures"]["spread"]) for p in WHAT)
     return head + sections + hashes(rows, scenes) + replays(rows, scenes)

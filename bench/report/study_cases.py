@@ -40,7 +40,8 @@ def parameters(a, level):
     for scene in a.present(of["scenes"]):
         def timed(parameter, value, options):
             words = cases.setting(a, level, scene) + ["--visibility", "cache", "--ce", cases.word(of["ce"]), *options]
-            labels = {"section": "parameters", "scene": scene, "method": "cache", "parameter": parameter, "value": value}
+            labels = {"section": "parameters", "scene": scene, "method": "cache", "parameter": parameter,
+                      "value": value}
             return Case(f"parameters/{scene}/{parameter}/{cases.word(value)}", cases.compare(a, words, level.runs),
                         labels, cost=cost)
 
@@ -62,7 +63,8 @@ def seeing(a, level):
     of = level.seeing
     for thing in seen.things(of["lights"]):
         base = ["whitted", *scene_words(a, thing.scene), "--size", of["size"], *thing.setting]
-        id, images = f"seeing/{thing.id}", {w: f"images/seeing-{thing.id}-{w}.exr" for w in ("exact", "before", "after")}
+        id = f"seeing/{thing.id}"
+        images = {w: f"images/seeing-{thing.id}-{w}.exr" for w in ("exact", "before", "after")}
         labels = {"section": "seeing", "thing": thing.id, "method": "", "value": ""}
         cost = cases.cost(dataclasses.replace(level, size=of["size"]), 4, of["lights"], 2)
         exact = [*base, *thing.exact, "--visibility", "exact"]

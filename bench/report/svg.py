@@ -76,7 +76,8 @@ def from_zero(values, start, end):
 
 
 def label(value):
-    return f"{value:g}" if value == 0 or 1e-3 <= value < 1e4 else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    plain = value == 0 or 1e-3 <= value < 1e4
+    return f"{value:g}" if plain else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
 
 
 def grid(x, y, box, x_label=label, y_label=label):
