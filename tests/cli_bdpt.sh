@@ -95,7 +95,17 @@ done
 good "${tiny[@]}" --visibility exact --spp 2 --threads 2 --reference threads1.exr --json threads.json --quiet
 read_json threads.json
 figure_is reference.mode_run.l_inf 0
-finish "exact images do not depend on threads"
+for mode in cache estimate; do
+    quiet_good "${tiny[@]}" --visibility $mode --spp 4 -o one.exr --json one.json
+    good "${tiny[@]}" --visibility $mode --spp 4 --threads 3 --deterministic --reference one.exr --json three.json --quiet
+    read_json one.json
+    rays=${figure[mode_run.rays_traced]}
+    read_json three.json
+    figure_is reference.mode_run.l_inf 0
+    figure_is mode_run.rays_traced "$rays"
+    figure_is deterministic true
+done
+finish "exact images do not depend on threads, others not with --deterministic"
 
 if ! env --default-signal=INT true 2>/dev/null; then
     skip "interrupts" "this env cannot reset signals"
@@ -114,6 +124,13 @@ else
     read_json out/y.json
     figure_is mode_run.passes $((passes + 1))
     finish "SIGINT keeps the passes that are done, and they are gone on from"
+
+    start cornell --size 320x180 --spp 100000 --threads 3 --deterministic -o out/x.exr --quiet
+    kill -INT "$child"
+    reap
+    [[ $rc -eq 130 ]] || problem "threads that wait for their turns: exit $rc instead of 130"
+    ((waited < 5000)) || problem "threads that wait for their turns took $waited ms"
+    finish "SIGINT ends threads that wait for their turns"
 
     rm -rf out && mkdir out
     start cornell --size 1600x1200 --threads 1 --visibility exact -o out/x.exr --quiet

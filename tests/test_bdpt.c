@@ -148,7 +148,7 @@ static void arrangements(void **state)
             g.v.pilot = pilots[i];
             passes *p = passes_new(&g.v, NULL, &one);
             assert_true(passes_render(p, 0));
-            asked[i] = passes_counts(p, &seconds);
+            asked[i] = passes_counts(p, &seconds, &seconds);
             passes_free(p);
             if (i < 3)
                 films[i] = one;

@@ -97,7 +97,7 @@ static void of_lattice(stream *out)
     config.table_bytes = 4;
     out->cache = make_cache(&config);
     for (int i = 0; i < EYES; i++) {
-        cell q = {(i % 40) << 16, (i / 40) << 16, i % 2 << 12};
+        cell q = {(i % 30) << 16, (i / 30 % 25) << 16, i / 750 << 12};
         out->half[out->eyes++] = cell_hash(q, 0, 0, 0x8bb84b93962eacc9u);
     }
     for (int i = 0; i < PATCHES; i++) {

@@ -7,7 +7,8 @@
  *   connect.c     pairs their vertices: what each connection brings, weighted against all other ways to find it,
  *   visibility.c  decides which of them see each other, by packets of rays or by the cache,
  *   prepared.c    with the ends that the cache wants.
- * pass.c runs a pass on all cores and sums it into the film, render.c runs passes, in epochs that share a cache.
+ * pass.c runs a pass on all cores and sums it into the film (turns.c: in the order of one core), render.c runs passes,
+ * in epochs that share a cache.
  *
  * A path of s light and t eye vertices has s + t - 1 edges. t = 1 connects to the camera ("light tracing"), s = 0 has
  * met an emitter. Emitters seen directly (s = 0, t = 2) are left to the eye path alone.
@@ -48,7 +49,8 @@ typedef struct settings {
     int epoch;      /* passes that share what the cache has learnt; N_P = epoch x pixels x partners */
     double seconds; /* no pass begins after so many; infinity: no limit */
     uint64_t seed;
-    int threads; /* 0: one per CPU */
+    int threads;        /* 0: one per CPU */
+    bool deterministic; /* batches ask the cache in the order that one thread takes them in */
     visibility_mode visibility;
     heuristic heuristic;
     int partners; /* light sub-paths that each eye sub-path is connected to, 1 ... BATCH */
@@ -160,8 +162,13 @@ typedef struct connection_visibility connection_visibility;
 /* `cache`: NULL for exact visibility. Exits on lack of memory. */
 connection_visibility *connection_visibility_new(const view *v, vcache *cache);
 void connection_visibility_free(connection_visibility *o);
-/* Scales each value by what is seen: 0 or 1; of estimates by what is expected and found. */
-void connection_visibility_resolve(connection_visibility *o, const batch *b, connections *c);
+/* A batch, in this order: what needs nothing of what others know; */
+void connection_visibility_prepare(connection_visibility *o, const batch *b, const connections *c);
+/* what asks the cache and teaches it (exact: nothing). `threshold`, of estimates: a contribution that is traced half of
+ * the time where nothing is known; 0 at first, and changed for the next batch; */
+void connection_visibility_ask(connection_visibility *o, const batch *b, const connections *c, float *threshold);
+/* then all other rays. Scales each value by what is seen: 0 or 1; of estimates by what is expected and found. */
+void connection_visibility_finish(connection_visibility *o, const batch *b, connections *c);
 counts connection_visibility_counts(const connection_visibility *o);
 
 #endif

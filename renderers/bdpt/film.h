@@ -30,7 +30,7 @@ void passes_free(passes *p);
 bool passes_render(passes *p, uint32_t index);
 /* Depth and normal alone, of the first pass, where one goes on from later ones. False where it was interrupted. */
 bool passes_first_hits(passes *p);
-/* So far; seconds that threads spent on visibility, their mean. */
-counts passes_counts(const passes *p, double *visibility_s);
+/* So far; seconds that threads spent on visibility, their mean, and on asking the cache for it, their sum. */
+counts passes_counts(const passes *p, double *visibility_s, double *asking_s);
 
 #endif

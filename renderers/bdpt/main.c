@@ -69,6 +69,8 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
          .shown = "all", .help = "paths of N edges alone"},
         {.name = "strategy", .kind = OPTION_INT, .value = &s->light_vertices, .min = -1, .max = EDGES_MAX, .metavar = "S",
          .shown = "all", .help = "paths with S light vertices alone, unweighted"},
+        {.name = "deterministic", .kind = OPTION_FLAG, .value = &s->deterministic,
+         .help = "the picture of one thread, bit for bit, from any number"},
         PROGRAM_OPTIONS_RUN(p),
     };
     options_status status =
@@ -147,6 +149,7 @@ static void json(const void *context, const frame *f, cJSON *out)
     json_add_number(out, "cz", s->cache.layers);
     json_add_float(out, "cr", s->cache.resolution_step);
     json_add_number(out, "cache_mb", (double)(s->cache.table_bytes >> 20));
+    cJSON_AddBoolToObject(out, "deterministic", s->deterministic);
     json_add_number(out, "edges", s->edges);
     json_add_number(out, "strategy", s->light_vertices);
 }
@@ -156,6 +159,7 @@ static void json_run(const void *context, const frame *f, cJSON *out)
     (void)context;
     json_add_number(out, "passes", passes_of(f)->passes);
     json_add_number(out, "camera_rays", (double)passes_of(f)->camera_rays);
+    json_add_number(out, "asking_s", passes_of(f)->asking_s);
 }
 
 static void texts(const void *context, const frame *f, bool exact, image_texts *out)

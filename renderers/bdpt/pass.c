@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* One pass over the image: an eye and a light sub-path per pixel, on all cores. Which thread takes which tile changes
- * nothing: what light paths bring to other tiles' pixels is kept by tile and summed in their order. */
+ * nothing: what light paths bring to other pixels is kept by batch and summed in their order. */
 #include "film.h"
 #include "pilot.h"
+#include "turns.h"
 
 #include "../common/interrupt.h"
 #include "../common/parallel.h"
 #include "../../halton/halton.h"
 
+#include <stdatomic.h>
 #include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
 /* What one thread needs. */
@@ -17,7 +18,8 @@ typedef struct station {
     batch *batch;
     connections connections;
     connection_visibility *visibility;
-    double visibility_s;
+    float threshold;               /* of estimates */
+    double visibility_s, asking_s; /* the latter is a part of it */
 } station;
 
 typedef struct splat {
@@ -25,22 +27,34 @@ typedef struct splat {
     rgb value;
 } splat;
 
+/* A part of the image: TILE x TILE pixels, or what is left of them at its borders. */
 typedef struct tile {
     uint32_t x, y, width, height;
+} tile;
+
+/* The pixels of a batch: those of a tile, in Morton order. */
+typedef struct piece {
+    tile tile;
+    uint32_t from; /* Morton code of the first one */
     splat *splats;
     size_t count, capacity;
-} tile;
+} piece;
 
 struct passes {
     const view *v;
     station *stations;
     int threads;
-    tile *tiles;
-    size_t tile_count;
+    piece *pieces; /* by tiles */
+    size_t piece_count, tile_count;
+    size_t *first; /* of each tile, and where the last one ends */
     film *film;
     image pass, seen; /* what this one adds; of it what is seen directly */
     uint32_t index;
     bool first_hits; /* nothing else */
+    /* deterministic */
+    turns *turns; /* NULL: who comes first asks first */
+    atomic_size_t next;
+    float threshold; /* of estimates */
 };
 
 static double now(void)
@@ -48,6 +62,36 @@ static double now(void)
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* The pixel with this Morton code, if the image has it. */
+static bool pixel_of(const tile *t, uint32_t code, uint32_t *x, uint32_t *y)
+{
+    halton_morton_decode(code, x, y);
+    bool inside = *x < t->width && *y < t->height;
+    *x += t->x, *y += t->y;
+    return inside;
+}
+
+static void cut(passes *p, const tile *t)
+{
+    uint32_t in_piece = 0, x, y;
+    for (uint32_t code = 0; code < TILE * TILE; code++)
+        if (pixel_of(t, code, &x, &y) && in_piece++ % BATCH == 0)
+            p->pieces[p->piece_count++] = (piece){.tile = *t, .from = code};
+}
+
+static void cut_image(passes *p, uint32_t width, uint32_t height)
+{
+    size_t across = (width + TILE - 1) / TILE, down = (height + TILE - 1) / TILE;
+    p->tile_count = across * down;
+    p->pieces = xcalloc(p->tile_count * (TILE * TILE / BATCH), sizeof *p->pieces);
+    p->first = xcalloc(p->tile_count + 1, sizeof *p->first);
+    for (size_t i = 0; i < p->tile_count; i++) {
+        uint32_t x = (uint32_t)(i % across) * TILE, y = (uint32_t)(i / across) * TILE;
+        cut(p, &(tile){x, y, width - x < TILE ? width - x : TILE, height - y < TILE ? height - y : TILE});
+        p->first[i + 1] = p->piece_count;
+    }
 }
 
 passes *passes_new(const view *v, vcache *cache, film *out)
@@ -62,15 +106,9 @@ passes *passes_new(const view *v, vcache *cache, film *out)
         p->stations[i].batch = batch_new();
         p->stations[i].visibility = connection_visibility_new(v, cache);
     }
-    uint32_t across = (f->width + TILE - 1) / TILE, down = (f->height + TILE - 1) / TILE;
-    p->tile_count = (size_t)across * down;
-    p->tiles = xcalloc(p->tile_count, sizeof *p->tiles);
-    for (size_t i = 0; i < p->tile_count; i++) {
-        tile *t = &p->tiles[i];
-        t->x = (uint32_t)(i % across) * TILE, t->y = (uint32_t)(i / across) * TILE;
-        t->width = f->width - t->x < TILE ? f->width - t->x : TILE;
-        t->height = f->height - t->y < TILE ? f->height - t->y : TILE;
-    }
+    cut_image(p, f->width, f->height);
+    if (cache && f->deterministic)
+        p->turns = turns_new(p->threads);
     p->pass = image_new(f->width, f->height);
     p->seen = image_new(f->width, f->height);
     return p;
@@ -85,36 +123,39 @@ void passes_free(passes *p)
         free(p->stations[i].connections.items);
         connection_visibility_free(p->stations[i].visibility);
     }
-    for (size_t i = 0; i < p->tile_count; i++)
-        free(p->tiles[i].splats);
-    free(p->tiles);
+    for (size_t i = 0; i < p->piece_count; i++)
+        free(p->pieces[i].splats);
+    free(p->pieces);
+    free(p->first);
+    turns_free(p->turns);
     free(p->stations);
     image_free(&p->pass);
     image_free(&p->seen);
     free(p);
 }
 
-counts passes_counts(const passes *p, double *visibility_s)
+counts passes_counts(const passes *p, double *visibility_s, double *asking_s)
 {
     counts sum = {0};
-    *visibility_s = 0.0;
+    *visibility_s = *asking_s = 0.0;
     for (int i = 0; i < p->threads; i++) {
         counts c = connection_visibility_counts(p->stations[i].visibility);
         sum.asked += c.asked;
         sum.traced += c.traced;
         sum.camera += c.camera;
         *visibility_s += p->stations[i].visibility_s / p->threads;
+        *asking_s += p->stations[i].asking_s;
     }
     return sum;
 }
 
-static void push(tile *t, splat s)
+static void push(piece *q, splat s)
 {
-    if (t->count == t->capacity) {
-        t->capacity = t->capacity ? 2 * t->capacity : 256;
-        t->splats = xrealloc(t->splats, t->capacity * sizeof *t->splats);
+    if (q->count == q->capacity) {
+        q->capacity = q->capacity ? 2 * q->capacity : 64;
+        q->splats = xrealloc(q->splats, q->capacity * sizeof *q->splats);
     }
-    t->splats[t->count++] = s;
+    q->splats[q->count++] = s;
 }
 
 static void keep_first_hits(passes *p, const batch *b)
@@ -126,22 +167,56 @@ static void keep_first_hits(passes *p, const batch *b)
     }
 }
 
-static void render_batch(passes *p, station *s, tile *t)
+/* Connections are to be weighed after it is known which see each other (docs/bdpt.md). */
+static bool visibility_first(const passes *p)
 {
-    batch *b = s->batch;
-    connections *c = &s->connections;
+    const pilot *ahead = p->v->pilot;
+    return ahead && ahead->visibility_first && p->v->settings.visibility != VISIBILITY_ESTIMATE;
+}
+
+static void draw(passes *p, batch *b, piece *q)
+{
+    const settings *f = &p->v->settings;
+    q->count = 0;
+    b->count = 0;
+    b->pass = p->index;
+    for (uint32_t code = q->from, x, y; code < TILE * TILE && b->count < BATCH; code++)
+        if (pixel_of(&q->tile, code, &x, &y)) {
+            uint32_t i = b->count++;
+            b->x[i] = x, b->y[i] = y;
+            b->random[i] = ((uint64_t)p->index * f->height + y) * f->width + x;
+        }
     subpaths(p->v, b);
     if (p->index == 0)
         keep_first_hits(p, b);
-    if (p->first_hits)
-        return;
-    const pilot *ahead = p->v->pilot;
-    bool first = ahead && ahead->visibility_first && p->v->settings.visibility != VISIBILITY_ESTIMATE;
-    connect_batch(p->v, b, !first, c);
+}
+
+static void begin(passes *p, station *s, piece *q)
+{
+    draw(p, s->batch, q);
+    connect_batch(p->v, s->batch, !visibility_first(p), &s->connections);
     double start = now();
-    connection_visibility_resolve(s->visibility, b, c);
+    connection_visibility_prepare(s->visibility, s->batch, &s->connections);
     s->visibility_s += now() - start;
-    if (first)
+}
+
+static void ask(station *s, float *threshold)
+{
+    double start = now();
+    connection_visibility_ask(s->visibility, s->batch, &s->connections, threshold);
+    double spent = now() - start;
+    s->visibility_s += spent;
+    s->asking_s += spent;
+}
+
+static void finish(passes *p, station *s, piece *q)
+{
+    const batch *b = s->batch;
+    connections *c = &s->connections;
+    double start = now();
+    connection_visibility_finish(s->visibility, b, c);
+    s->visibility_s += now() - start;
+    if (visibility_first(p))
         connect_visible(p->v, b, c);
     for (uint32_t i = 0; i < b->count; i++) {
         size_t at = (size_t)b->y[i] * p->v->settings.width + b->x[i];
@@ -153,7 +228,7 @@ static void render_batch(passes *p, station *s, tile *t)
         if (x->value.x == 0.0f && x->value.y == 0.0f && x->value.z == 0.0f)
             continue;
         if (x->kind == CONNECT_CAMERA)
-            push(t, (splat){x->pixel, x->value});
+            push(q, (splat){x->pixel, x->value});
         else
             p->pass.pixels[x->pixel] = v3_add(p->pass.pixels[x->pixel], x->value);
     }
@@ -163,40 +238,57 @@ static void render_tile(void *context, int thread, size_t index)
 {
     passes *p = context;
     station *s = &p->stations[thread];
-    tile *t = &p->tiles[index];
-    batch *b = s->batch;
     tracer_thread_init();
-    t->count = 0;
-    b->count = 0;
-    b->pass = p->index;
-    for (uint64_t code = 0; code < (uint64_t)TILE * TILE && !interrupted(); code++) {
-        uint32_t x, y;
-        halton_morton_decode(code, &x, &y);
-        if (x < t->width && y < t->height) {
-            uint32_t i = b->count++;
-            b->x[i] = t->x + x, b->y[i] = t->y + y;
-            const settings *f = &p->v->settings;
-            b->random[i] = ((uint64_t)p->index * f->height + b->y[i]) * f->width + b->x[i];
+    for (size_t i = p->first[index]; i < p->first[index + 1] && !interrupted(); i++) {
+        piece *q = &p->pieces[i];
+        if (p->first_hits) {
+            draw(p, s->batch, q);
+            continue;
         }
-        if (b->count == BATCH || (b->count > 0 && code + 1 == (uint64_t)TILE * TILE)) {
-            render_batch(p, s, t);
-            b->count = 0;
-        }
+        begin(p, s, q);
+        ask(s, &s->threshold);
+        finish(p, s, q);
+    }
+}
+
+/* All pieces that this thread gets hold of. Each one takes its turn, also those that an interrupt leaves out: others
+ * wait for it. */
+static void render_in_turn(void *context, int thread, size_t index)
+{
+    passes *p = context;
+    station *s = &p->stations[thread];
+    (void)index;
+    tracer_thread_init();
+    for (size_t i; (i = atomic_fetch_add_explicit(&p->next, 1, memory_order_relaxed)) < p->piece_count;) {
+        bool wanted = !interrupted();
+        if (wanted)
+            begin(p, s, &p->pieces[i]);
+        turns_wait(p->turns, i);
+        if (wanted)
+            ask(s, &p->threshold);
+        turns_pass(p->turns);
+        if (wanted)
+            finish(p, s, &p->pieces[i]);
     }
 }
 
 bool passes_render(passes *p, uint32_t index)
 {
-    const settings *f = &p->v->settings;
     film *out = p->film;
     p->index = index;
-    parallel_for(f->threads, p->tile_count, render_tile, p);
+    if (p->turns) {
+        turns_begin(p->turns);
+        atomic_store_explicit(&p->next, 0, memory_order_relaxed);
+        parallel_for(p->threads, (size_t)p->threads, render_in_turn, p);
+    } else {
+        parallel_for(p->threads, p->tile_count, render_tile, p);
+    }
     bool complete = !interrupted();
     if (!complete && out->passes > 0)
         return false;
-    for (size_t i = 0; i < p->tile_count; i++)
-        for (size_t k = 0; k < p->tiles[i].count; k++) {
-            const splat *s = &p->tiles[i].splats[k];
+    for (size_t i = 0; i < p->piece_count; i++)
+        for (size_t k = 0; k < p->pieces[i].count; k++) {
+            const splat *s = &p->pieces[i].splats[k];
             p->pass.pixels[s->pixel] = v3_add(p->pass.pixels[s->pixel], s->value);
         }
     film_add(out, &p->pass, &p->seen);
@@ -209,7 +301,7 @@ bool passes_first_hits(passes *p)
 {
     p->index = 0;
     p->first_hits = true;
-    parallel_for(p->v->settings.threads, p->tile_count, render_tile, p);
+    parallel_for(p->threads, p->tile_count, render_tile, p);
     p->first_hits = false;
     return !interrupted();
 }

@@ -68,7 +68,8 @@ static void measure(const view *v, station *s, trip *t)
     t->samples = xmalloc((c->count + 1) * sizeof *t->samples);
     for (size_t i = 0; i < c->count; i++)
         t->samples[i].value = luminance(c->items[i].value);
-    connection_visibility_resolve(s->visibility, b, c);
+    connection_visibility_prepare(s->visibility, b, c);
+    connection_visibility_finish(s->visibility, b, c);
     for (uint32_t i = 0; i < b->count; i++) {
         uint32_t r = pilot_region(f, b->y[i] * f->width + b->x[i]);
         t->paths[r] += 1.0f;

@@ -115,7 +115,7 @@ bool bdpt_render(const view *given, const film *start, const char *title, bool q
     bool ok = run(v, cache, p, &f, shown, begun, err);
     progress_free(shown);
     double visibility_s;
-    counts c = passes_counts(p, &visibility_s);
+    counts c = passes_counts(p, &visibility_s, &extra->asking_s);
     passes_free(p);
     extra->passes = f.passes;
     extra->camera_rays = c.camera;

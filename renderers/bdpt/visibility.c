@@ -13,10 +13,10 @@ struct connection_visibility {
     vcache_worker *worker;     /* of the cache */
     prepared *ends;            /* for it */
     vcache_vertex_pair *pairs; /* of surfaces */
-    uint64_t *pairs_visible;   /* a bit each */
+    uint32_t pair_count;
+    uint64_t *pairs_visible; /* a bit each */
     /* by prepared_sky and eye vertex: a bit for each path's light */
     uint64_t asked[2][BATCH * EDGES_MAX], lights_visible[2][BATCH * EDGES_MAX];
-    float threshold;   /* of estimates: a contribution that is traced half of the time where nothing is known */
     rng random;        /* of a batch: which connections are traced */
     uint64_t *visible; /* a word for each connection, bit 0 */
     vcache_estimate *estimates;
@@ -146,26 +146,29 @@ static bool trace_misses(void *context, const vcache_miss *misses, size_t count,
     return true;
 }
 
-static void ask_pairs(connection_visibility *o, const batch *b, const connections *c)
+static void prepare_pairs(connection_visibility *o, const batch *b, const connections *c)
 {
     enum { AHEAD = 16 };
-    uint32_t count = 0;
+    o->pair_count = 0;
     for (size_t i = 0; i < c->count; i++) {
         if (i + AHEAD < c->count && c->items[i + AHEAD].kind == CONNECT_SURFACES)
             prepared_prefetch_vertices(o->ends, b, &c->items[i + AHEAD]);
         if (c->items[i].kind == CONNECT_SURFACES)
-            o->pairs[count++] = (vcache_vertex_pair){prepared_eye_vertex(o->ends, b, &c->items[i]),
-                                                     prepared_light_vertex(o->ends, b, &c->items[i])};
+            o->pairs[o->pair_count++] = (vcache_vertex_pair){prepared_eye_vertex(o->ends, b, &c->items[i]),
+                                                             prepared_light_vertex(o->ends, b, &c->items[i])};
     }
-    for (uint32_t next = 0; next < count;) {
-        next = vcache_add_vertices(o->worker, o->pairs, next, count, o->pairs_visible);
-        if (next < count)
+}
+
+static void ask_pairs(connection_visibility *o)
+{
+    for (uint32_t next = 0; next < o->pair_count;) {
+        next = vcache_add_vertices(o->worker, o->pairs, next, o->pair_count, o->pairs_visible);
+        if (next < o->pair_count)
             vcache_resolve(o->worker, trace_misses, o);
     }
 }
 
-/* Each eye vertex with all paths' lights at a time. */
-static void ask_lights(connection_visibility *o, const batch *b, const connections *c)
+static void prepare_lights(connection_visibility *o, const batch *b, const connections *c)
 {
     for (int sky = 0; sky < 2; sky++)
         memset(o->asked[sky], 0, b->eye.total * sizeof o->asked[sky][0]);
@@ -176,6 +179,11 @@ static void ask_lights(connection_visibility *o, const batch *b, const connectio
         vcache_prefetch(o->worker, prepared_eye_end(o->ends, b, x), prepared_light_end(o->ends, b, x));
         o->asked[prepared_sky(b, x)][x->eye] |= (uint64_t)1 << x->path;
     }
+}
+
+/* Each eye vertex with all paths' lights at a time. */
+static void ask_lights(connection_visibility *o, const batch *b)
+{
     const vcache_light *lights = prepared_lights(o->ends);
     for (int sky = 0; sky < 2; sky++)
         for (uint32_t i = 0; i < b->eye.total; i++) {
@@ -188,11 +196,9 @@ static void ask_lights(connection_visibility *o, const batch *b, const connectio
         }
 }
 
-static void ask_cache(connection_visibility *o, const batch *b, const connections *c)
+/* After the answers are there. */
+static void take_answers(connection_visibility *o, const batch *b, const connections *c)
 {
-    ask_pairs(o, b, c);
-    ask_lights(o, b, c);
-    vcache_resolve(o->worker, trace_misses, o);
     for (size_t i = 0, pair = 0; i < c->count; i++) {
         const connection *x = &c->items[i];
         if (x->kind == CONNECT_SURFACES) {
@@ -205,7 +211,7 @@ static void ask_cache(connection_visibility *o, const batch *b, const connection
 }
 
 /* The threshold for the next batches follows from what the last ones took: no random number of theirs depends on it. */
-static void follow_share(connection_visibility *o, const connections *c, uint32_t count)
+static void follow_share(const settings *f, const connections *c, uint32_t count, float *threshold)
 {
     float sum = 0.0f, n = 0.0f;
     for (size_t i = 0; i < c->count; i++)
@@ -213,16 +219,16 @@ static void follow_share(connection_visibility *o, const connections *c, uint32_
             sum += luminance(c->items[i].value), n += 1.0f;
     if (!(sum > 0.0f))
         return;
-    if (!(o->threshold > 0.0f)) {
-        o->threshold = sum / n;
+    if (!(*threshold > 0.0f)) {
+        *threshold = sum / n;
         return;
     }
-    float share = (float)count / n, wanted = o->v->settings.rays;
-    o->threshold *= expf(0.1f * (share - wanted) / (share + wanted));
+    float share = (float)count / n, wanted = f->rays;
+    *threshold *= expf(0.1f * (share - wanted) / (share + wanted));
 }
 
 /* Connections are traced with the probability that their estimate asks for, the rest are what is expected. */
-static void estimate(connection_visibility *o, const batch *b, connections *c)
+static void estimate(connection_visibility *o, const batch *b, const connections *c, float *threshold)
 {
     uint32_t count = 0;
     o->random = rng_make(o->v->settings.seed ^ 0x657374696d617465u, b->random[0]);
@@ -231,7 +237,7 @@ static void estimate(connection_visibility *o, const batch *b, connections *c)
         vcache_estimate *e = &o->estimates[i];
         if (x->kind == CONNECT_CAMERA)
             continue;
-        float worth = o->threshold > 0.0f ? luminance(x->value) / o->threshold : INFINITY;
+        float worth = *threshold > 0.0f ? luminance(x->value) / *threshold : INFINITY;
         *e = x->kind == CONNECT_SURFACES ? vcache_estimate_vertices(o->worker, prepared_eye_vertex(o->ends, b, x),
                                                                     prepared_light_vertex(o->ends, b, x), worth)
                                          : vcache_estimate_pair(o->worker, prepared_eye_end(o->ends, b, x),
@@ -252,7 +258,7 @@ static void estimate(connection_visibility *o, const batch *b, connections *c)
         vcache_learn_pair(o->worker, e, seen ? VCACHE_VISIBLE : VCACHE_BLOCKED);
     }
     o->counts.traced += count;
-    follow_share(o, c, count);
+    follow_share(&o->v->settings, c, count, threshold);
 }
 
 /* Exact connections, and those to the camera. */
@@ -270,20 +276,40 @@ static void trace_rest(connection_visibility *o, const batch *b, const connectio
     flush_rays(o);
 }
 
-void connection_visibility_resolve(connection_visibility *o, const batch *b, connections *c)
+static bool estimates(const connection_visibility *o)
 {
-    bool estimates = o->v->settings.visibility == VISIBILITY_ESTIMATE && o->cache;
+    return o->cache && o->v->settings.visibility == VISIBILITY_ESTIMATE;
+}
+
+void connection_visibility_prepare(connection_visibility *o, const batch *b, const connections *c)
+{
     reserve(o, c->count + 1); /* never NULL */
-    if (o->cache)
-        prepared_forget(o->ends);
-    if (estimates)
-        estimate(o, b, c);
-    else if (o->cache)
-        ask_cache(o, b, c);
+    if (!o->cache)
+        return;
+    prepared_forget(o->ends);
+    prepare_pairs(o, b, c);
+    prepare_lights(o, b, c);
+}
+
+void connection_visibility_ask(connection_visibility *o, const batch *b, const connections *c, float *threshold)
+{
+    if (estimates(o)) {
+        estimate(o, b, c, threshold);
+    } else if (o->cache) {
+        ask_pairs(o);
+        ask_lights(o, b);
+        vcache_resolve(o->worker, trace_misses, o);
+    }
+}
+
+void connection_visibility_finish(connection_visibility *o, const batch *b, connections *c)
+{
+    if (o->cache && !estimates(o))
+        take_answers(o, b, c);
     trace_rest(o, b, c);
     for (size_t i = 0; i < c->count; i++) {
         connection *x = &c->items[i];
-        bool estimated = estimates && x->kind != CONNECT_CAMERA;
+        bool estimated = estimates(o) && x->kind != CONNECT_CAMERA;
         x->value = v3_scale(x->value, estimated ? o->weights[i] : (float)(o->visible[i] & 1));
     }
 }
