@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Edges of hard shadows by order of eye samples, with refinement and without (Popov et al. 2013, Fig. 3, 4, 8)."""
 from report.page import FORMATS, attributes, figure, given, name, number, picture, save_plot, setting, table
-from report.svg import Plot, Series, head, marker, text
+from report.svg import Plot, Series, head, marker, place_labels, text
 
 TITLE = "Edges of shadows"
 ORDERS = {"halton": ("Halton order", "#d55e00", "circle"), "scanline": ("scanlines", "#0072b2", "square"),
@@ -44,7 +44,7 @@ def where_edges_go(row):
         if i != 0:
             parts.append(text(middle - room - 6, at + 4, f"{i * step:g}", "end", ' class="axis"'))
     parts.append(text(middle, size - 14, "to the right; downwards is down", more=' class="axis"'))
-    placed = []
+    drawn = []
     for i, w in enumerate(ways):
         colour, shape, hollow = looks(w["name"])
         x, y = middle + w["right"] * scale, middle + w["down"] * scale
@@ -52,13 +52,10 @@ def where_edges_go(row):
             row, x=f"figures.ways.{i}.right", y=f"figures.ways.{i}.down").items())
         tip = f'{words(w["name"])}: {FORMATS["error"](w["right"])} right, {FORMATS["error"](w["down"])} down'
         parts.append(f"<g{said}><title>{tip}</title>{marker(x, y, shape, colour, False, hollow)}</g>")
-        left = x > middle + 60
-        label = y + 4
-        while any(abs(label - other) < 12 and left == side for other, side in placed):
-            label += 12
-        placed.append((label, left))
-        parts.append(text(x + (-9 if left else 9), label, words(w["name"]), "end" if left else "start",
-                          f' fill="{colour}" class="name" stroke="#fff" stroke-width="3" paint-order="stroke"'))
+        drawn.append(Series(words(w["name"]), [(x, y)], colour, shape))
+    for said, x, y, colour in place_labels(drawn, (8, size - 8, 30, size - 40), 12, []):
+        parts.append(text(x, y, said, "start", f' fill="{colour}" class="name" font-weight="bold" stroke="#fff" '
+                                               'stroke-width="3" paint-order="stroke"'))
     return "\n".join(parts + ["</svg>", ""])
 
 
