@@ -34,8 +34,8 @@ check() {
 for name in odd_values vertices kernels grid estimate_pair options scene_import; do
     check "test_$name" "$tests/test_$name"
 done
-frame=(cornell --size 20x14 --spp 1 --quiet --json x.json -o x.exr -o x.png)
-for mode in exact cache estimate adaptive grid; do
+frame=(cornell --size 20x14 --spp 2 --quiet --json x.json -o x.exr -o x.png)
+for mode in exact cache estimate adaptive; do
     check "whitted, $mode" "$whitted" "${frame[@]}" --vpls 16 --threads 1 --visibility $mode
 done
 for mode in exact cache estimate; do
