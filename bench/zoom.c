@@ -101,17 +101,6 @@ static bool show_block(const char *prefix, int number, block b, const image *con
     return ok;
 }
 
-/* As the renderer shows it, by the light that is shadow-tested; a file that does not say: by all that is seen. */
-static float exposure_of(const char *path, const image *exact)
-{
-    exr_text text = {.name = "exposure"};
-    image same = {0};
-    bool said = image_load_exr_texts(path, &text, 1, &same, NULL);
-    float value = said ? strtof(text.value, NULL) : 0.0f;
-    image_free(&same);
-    return value > 0.0f && isfinite(value) ? value : image_exposure(exact);
-}
-
 static image enlarge(const image *from, uint32_t times)
 {
     image out = image_new(from->width * times, from->height * times);
@@ -209,7 +198,7 @@ int main(int argc, char *argv[])
         ok = fail(&err, "%s and %s are not of one size", argv[1], argv[2]);
     if (ok && argc == 5 && !same_size(&exact, &better))
         ok = fail(&err, "%s and %s are not of one size", argv[1], argv[4]);
-    ok = ok && show(&exact, &other, &better, exposure_of(argv[1], &exact), argv[3], &err);
+    ok = ok && show(&exact, &other, &better, image_file_exposure(argv[1], &exact), argv[3], &err);
     image_free(&exact);
     image_free(&other);
     image_free(&better);

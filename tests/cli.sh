@@ -286,6 +286,14 @@ is_exr both.exr 02020000
 for file in float tiles half both; do quiet_good cornell "${tiny[@]}" --env "$file.exr"; done
 finish "--half and --tiles write EXR files that can be read again"
 
+shown=(--size 48x27 --vpls 32 --spp 1) # atrium has light that is not shadow-tested
+quiet_good "${shown[@]}" --visibility exact -o shown.exr
+quiet_good "${shown[@]}" --visibility cache --compare --reference shown.exr --json shown.json
+read_json shown.json
+figure_is reference.mode_run.flip "${figure[error.flip]}"
+[[ ${figure[error.flip]} != 0 ]] || problem "nothing differs"
+finish "--reference shows an image as it was made"
+
 sky=(cornell "${tiny[@]}" --env float.exr --env-lights 9)
 quiet_good "${sky[@]}" -o sky.exr --json sky.json
 for degrees in 0 90 360; do

@@ -162,7 +162,7 @@ static bool run_single(comparison *c, message *err)
 
 static void compare_with(comparison *c, const image *reference)
 {
-    float exposure = image_exposure(reference);
+    float exposure = image_file_exposure(c->arguments->reference, reference);
     if (c->exact_frame.complete) {
         c->exact_reference = image_compare(&c->exact_frame.image, reference);
         c->exact_reference_flip = flip_ldr(&c->exact_frame.image, reference, exposure, NULL);

@@ -162,3 +162,13 @@ float image_exposure(const image *i)
     free(values);
     return bright > FLT_MIN ? (float)(0.9 / bright) : 1.0f;
 }
+
+float image_file_exposure(const char *path, const image *i)
+{
+    exr_text text = {.name = "exposure"};
+    image same = {0};
+    bool said = image_load_exr_texts(path, &text, 1, &same, NULL);
+    float value = said ? strtof(text.value, NULL) : 0.0f;
+    image_free(&same);
+    return value > 0.0f && isfinite(value) ? value : image_exposure(i);
+}

@@ -24,5 +24,8 @@ image image_difference(const image *test, const image *reference, float scale);
 image image_side_by_side(const image *const *images, size_t count);
 /* Exposure that maps the 99th percentile of luminance to 0.9, for PNG. */
 float image_exposure(const image *i);
+/* Of an image that was read from `path`: what the renderer that wrote it says it showed it with, as light that is not
+ * shadow-tested does not count there; a file that does not say: of the image. */
+float image_file_exposure(const char *path, const image *i);
 
 #endif
