@@ -61,7 +61,7 @@ static void fake_json_run(const void *context, const frame *f, cJSON *out)
 static void fake_texts(const void *context, const frame *f, bool exact, image_texts *out)
 {
     (void)context;
-    for (int i = out->count; i < TEXTS_MAX - 5; i++) /* 5 come behind */
+    for (int i = out->count; i < TEXTS_MAX - 6; i++) /* 6 come behind */
         image_text(out, "more", "%s %g", exact ? "exact" : "chosen", f->frame_s);
 }
 
