@@ -168,14 +168,13 @@ static size_t hash_cell(const record *r, const vcache *other, const light_ends *
 
 static void print_sorted(hashed *all, size_t n, uint64_t words)
 {
-    size_t distinct = 0, places = 0, slots = 0, merged = 0;
+    size_t distinct = 0, slots = 0, merged = 0;
     qsort(all, n, sizeof *all, by_place);
     for (size_t i = 0; i < n; i++) {
         bool place = i == 0 || all[i].place != all[i - 1].place;
         if (!place && all[i].truth == all[i - 1].truth)
             continue; /* lights of one cell */
         distinct++;
-        places += place;
         merged += !place;
         slots += i == 0 || all[i].place >> 32 != all[i - 1].place >> 32;
     }
