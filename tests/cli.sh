@@ -273,6 +273,10 @@ for file in 'a tri.obj' tri.ply tri.glb; do
 done
 finish "OBJ, PLY and GLB without camera and light render, with notices"
 
+good cornell "${tiny[@]}" --visibility grid
+[[ $said == *"notice: --visibility grid decides directional lights, and there is none"* ]] || problem "no notice: $said"
+finish "a grid with nothing to decide says so"
+
 quiet_good cornell "${tiny[@]}" --output=float.exr -o tiles.exr --tiles
 is_exr tiles.exr 02020000
 quiet_good cornell "${tiny[@]}" -o float.exr

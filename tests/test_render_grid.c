@@ -146,7 +146,7 @@ static uint32_t longest_run(const outcome *o)
 }
 
 /* What the paper says of them (Fig. 7, Table 1): in scanline order shadows that come out of nothing are missed, and
- * what was missed spreads, as staircases and filled holes; of the others none does so. */
+ * what was missed spreads, as staircases and filled holes. GNU does not do so; restricted flooding may, rarely. */
 static void methods(void **state)
 {
     (void)state;

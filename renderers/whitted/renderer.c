@@ -146,6 +146,14 @@ static bool truth_fits(const view *v)
     return (uint64_t)s->width * s->height * (uint64_t)s->spp <= memory_budget() / (lights / 8 + 24);
 }
 
+static bool has_directional_light(const scene *s)
+{
+    for (uint32_t i = 0; i < s->light_count; i++)
+        if (s->lights[i].kind == LIGHT_DIRECTIONAL)
+            return true;
+    return false;
+}
+
 renderer whitted_renderer(whitted *w, bool compare)
 {
     /* an estimate predicts no single ray, nor what is left untested */
@@ -153,6 +161,8 @@ renderer whitted_renderer(whitted *w, bool compare)
     bool wanted = compare && !estimates(mode) && !adapts(mode), fits = wanted && truth_fits(&w->view);
     if (wanted && !fits)
         notice("too many pairs to keep a record of: mispredictions are not counted");
+    if (mode == VISIBILITY_GRID && !has_directional_light(w->view.scene))
+        notice("--visibility grid decides directional lights, and there is none (--env-lights): all is traced");
     return (renderer){.context = w,
                       .scene = w->view.scene,
                       .mode = mode_names[w->view.settings.visibility],
