@@ -103,14 +103,15 @@ def one(a, rows, thing):
 def markdown(a, rows, all_things):
     """docs/seeing.md: the same as a table."""
     lines = ["# What you see, which option, what it costs", "",
-             "Programs and options are those of `whitted`. Made by `./report --only seeing`, which writes this " \
-             "page (`out/report/seeing.md`) and its pictures",
+             "Programs and options are those of `whitted`. Made by " \
+             f"`./report --only seeing --runs {a.level.runs}`, which writes this page (`out/report/seeing.md`) and its pictures",
              "(`out/report/pictures/seeing-*-strip.png`, here in `pictures/`). Each picture: as it is, with the " \
              "other option, as it",
              f"should be; the worst third of {a.level.seeing['size']} pixels, enlarged. Frames beside the exact " \
              "one in the same",
-             "run, one thread; `l_inf` as in [whitted.md](whitted.md#output), of virtual and sky lights too few: " \
-             "against the image of many.",
+             f"run, one thread, pairs of frames: {a.level.runs}; `l_inf` as in " \
+             "[whitted.md](whitted.md#output), of virtual and sky",
+             "lights too few: against the image of many.",
              "", "| what you see | why | with | take | what it costs |", "| --- | --- | --- | --- | --- |"]
     for thing in all_things:
         own = of_thing(rows, thing)
