@@ -113,7 +113,8 @@ class Report(unittest.TestCase):
         self.assertGreater(page.markers, 100)
         self.assertNotRegex(text, r'(src|href)="(?!data:|#)')  # nothing outside of the page
         self.assertNotIn(os.path.dirname(PROGRAMS[0]), text + json.dumps(rows))
-        sections = ("curves", "lights", "converged", "pictures", "maps", "flicker", "edges", "clusters", "parameters", "seeing")
+        sections = ("curves", "lights", "converged", "pictures", "maps", "flicker", "edges", "clusters", "parameters",
+                    "seeing")
         for section in ("headline", *sections):
             self.assertIn(f'<section id="{section}">', text)
         for row in rows.values():
@@ -137,15 +138,22 @@ class Report(unittest.TestCase):
                 continue  # a row that is not there
             self.assertNotEqual(page.wrong, [])
 
+    def test_alone_is_as_beside_exact(self):
+        alone = self.rows()
+        with tempfile.TemporaryDirectory() as folder:  # medians of two: each beside an exact frame of its own
+            self.run_it("--runs", "2", "--filter", "^curves/shapes/(estimate|adaptive)/", "--out", folder)
+            beside = json.loads(read(os.path.join(folder, "rows.json")))
+        self.assertEqual(len(beside), 3)
+        for r in beside:
+            a, b = r["point"], alone[r["id"]]["point"]
+            self.assertNotIn("exact", alone[r["id"]]["figures"])
+            for what in ("error", "flip", "share"):
+                self.assertAlmostEqual(a[what], b[what], delta=0.001 * b[what])
+
     def test_figures_make_sense(self):
         rows = self.rows().values()
         curves = [r for r in rows if r["labels"]["section"] == "curves"]
         self.assertGreater(sum(r["point"]["error"] > 0 for r in curves), 15)
-        for scene in ("cornell", "shapes"):  # what makes errors of whole images those of what is lit
-            errors = [r["figures"]["error"] for r in curves if r["labels"]["scene"] == scene and
-                      r["labels"]["method"] not in ("limit", "grid", "bdpt", "fewer") and r["point"]["error"] > 0]
-            for e in errors[1:]:
-                self.assertAlmostEqual(e["l_inf"] / e["l_inf_whole"], errors[0]["l_inf"] / errors[0]["l_inf_whole"], 4)
         for r in curves:
             self.assertIn("point", r)
             if r["labels"]["method"] == "limit":
@@ -163,23 +171,26 @@ class Report(unittest.TestCase):
                         self.assertGreaterEqual(max(abs(b["x"] - c["x"]), abs(b["y"] - c["y"])), b["side"])
 
     def test_flip_lies_in_the_image(self):
-        """The layer flip.Y: of the row's mean, and in the worst places that zoom found, of theirs."""
-        rows = self.rows()
+        """Its mean is the row's; of frames beside exact ones, the layer flip.Y is what zoom found by itself."""
+        rows, layered = self.rows(), 0
         for r in (r for r in rows.values() if r["labels"]["section"] == "pictures"):
             scene, method, value = (r["labels"][k] for k in ("scene", "method", "value"))
             width, height, layers = exr.read(os.path.join(self.out, f"images/curves-{scene}-{method}.exr"))
-            flip, exact = layers["flip.Y"], exr.read(os.path.join(self.out, f"images/curves-{scene}-exact.exr"))[2]
             self.assertEqual((width, height), (r["figures"]["width"], r["figures"]["height"]))
             for name in "RGB":
-                self.assertGreater(statistics.fmean(exact[name]), 0.0)
-            self.assertEqual(set(exact["flip.Y"]), {0.0})  # exact beside exact
+                self.assertGreater(statistics.fmean(layers[name]), 0.0)
+            row = rows[f"curves/{scene}/{method}/{value}"]
+            self.assertAlmostEqual(row["point"]["flip"], r["figures"]["flip"], 5)
+            if "error" not in row["figures"]:
+                continue
+            layered, flip = layered + 1, layers["flip.Y"]
             self.assertTrue(0.0 <= min(flip) < max(flip) <= 1.0)
-            said = rows[f"curves/{scene}/{method}/{value}"]["figures"]["error"]["flip"]
-            self.assertAlmostEqual(statistics.fmean(flip), said, 6)
+            self.assertAlmostEqual(statistics.fmean(flip), row["point"]["flip"], 6)
             for b in r["figures"]["blocks"]:
                 inside = [flip[y * width + x] for y in range(b["y"], b["y"] + b["side"])
                           for x in range(b["x"], b["x"] + b["side"])]
                 self.assertAlmostEqual(statistics.fmean(inside), b["flip"], 5)
+        self.assertEqual(layered, 2)
 
     def test_parts_are_there(self):
         for folder, end, least in (("plots", ".svg", 10), ("pictures", ".png", 16)):
@@ -237,22 +248,27 @@ def row(method, frame, error, scene="room", value=8, **figures):
 
 
 class Points(unittest.TestCase):
-    def test_limit_takes_visibility_away(self):
-        exact = {"frame_s": 2.0, "shade_s": 1.5, "visibility_s": 1.0}
-        point = methods.of_limit({"exact": exact, "speedup": {"frame": 1.01}})
-        self.assertEqual((point["frame"], point["shade"], point["noise"]), (2.0, 3.0, 1.01))
+    def test_exact_frames_of_a_scene_and_what_was_rendered_alone(self):
+        def exact(frame, shade, seen):
+            return {"frame_s": frame, "shade_s": shade, "visibility_s": seen, "rays_traced": 90, "rays": 90}
 
-    def test_fewer_lights_against_all(self):
+        def beside(method, ratio, *times):
+            return {"labels": {"section": "curves", "method": method, "base": "base"},
+                    "figures": {"error": {"l_inf": 0.02 * ratio, "l_inf_whole": 0.02, "mispredicted": None},
+                                "mode_run": {"rays_traced": 9}, "speedup": {"frame": 4, "shade": 5, "rays": 10},
+                                "exact": exact(*times)}}
+
         alone = {"mode_run": {"frame_s": 0.5, "shade_s": 0.25, "rays_traced": 30},
                  "reference": {"mode_run": {"l_inf": 0.1, "flip": 0.2}}}
-        beside = {"exact": {"frame_s": 2.0, "shade_s": 1.5, "visibility_s": 1.0, "rays": 90}, "speedup": {"frame": 1}}
-        error = {"error": {"l_inf": 0.06, "l_inf_whole": 0.02, "mispredicted": None}, "mode_run": {"rays_traced": 9},
-                 "speedup": {"frame": 4, "shade": 5, "rays": 10}, "exact": {"rays": 90}}
-        rows = {"base": {"labels": {"section": "curves", "method": "limit"}, "figures": beside},
-                "cache": {"labels": {"section": "curves", "method": "cache", "base": "base"}, "figures": error},
+        rows = {"base": {"labels": {"section": "curves", "method": "limit", "base": "base"},
+                         "figures": {"mode_run": exact(1.8, 1.4, 0.9)}},
+                "cache": beside("cache", 3, 2.0, 1.5, 1.0), "cache 2": beside("cache", 3, 2.7, 1.6, 1.1),
+                "grid": beside("grid", 7, 9.0, 9.0, 9.0), "bdpt": beside("bdpt", 7, 9.0, 9.0, 9.0),  # of other samples
                 "fewer": {"labels": {"section": "curves", "method": "fewer", "base": "base"}, "figures": alone}}
         methods.add_points(rows)
-        point = rows["fewer"]["point"]
+        limit, point = rows["base"]["point"], rows["fewer"]["point"]
+        self.assertEqual((limit["exact_s"], limit["frame"], limit["shade"], limit["frames"]), (2.0, 2.0, 3.0, 3))
+        self.assertAlmostEqual(limit["noise"], 1.5)
         self.assertAlmostEqual(point["error"], 0.3)  # three times that of the whole image, as the cache's
         self.assertAlmostEqual(point["share"], 1 / 3)
         self.assertEqual((point["frame"], point["shade"], point["flip"]), (4.0, 6.0, 0.2))

@@ -49,10 +49,14 @@ def sky(a, scene):
     return ["--env", path if os.path.exists(path) else "made/sun.hdr"]
 
 
+def spp_of(level, scene):
+    return level.slow.get(scene, level.spp)
+
+
 def setting(a, level, scene, vpls=None, spp=None):
     """A scene and its lights: whole frames as they come, but for skies as lights."""
-    words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", str(spp or level.spp),
-             "--vpls", str(level.vpls if vpls is None else vpls)]
+    words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp",
+             str(spp or spp_of(level, scene)), "--vpls", str(level.vpls if vpls is None else vpls)]
     return words + (["--env-lights", str(level.env_lights)] if scene in BY_SKY else [])
 
 
@@ -60,34 +64,64 @@ def curve_image(scene, method):
     return f"images/curves-{scene}-{method}.exr"
 
 
+CLOCK = "cache"  # of this method the first and the last frame stand beside an exact one of their own
+
+
+def clocks_of(level):
+    return (level.sweeps[CLOCK][0], level.sweeps[CLOCK][-1])
+
+
+def spread(clocks, others):
+    """The clocks among the others, at equal distances."""
+    of = -(-len(others) // max(1, len(clocks)))
+    return [c for i, clock in enumerate(clocks) for c in (clock, *others[i * of:(i + 1) * of])] or others
+
+
+def curve_case(a, level, scene, method, value):
+    """Beside an exact frame of its own if it is a clock or medians are asked for; else alone, against the exact image,
+    whose time the scene's exact frames give (methods.of_alone)."""
+    base, image = f"curves/{scene}/exact", curve_image(scene, "exact")
+    full = cost(level, spp_of(level, scene), level.vpls, 1)
+    labels = {"section": "curves", "scene": scene, "method": method, "value": value, "base": base}
+    case = Case(f"curves/{scene}/{method}/{word(value)}", [], labels, (base,))
+    clock = method == CLOCK and value in clocks_of(level)
+    paired = clock or method == "grid" or level.runs > 1  # the grid's eye samples are others
+    if method == "fewer":
+        labels["value"] = level.vpls // value
+        words, paired = setting(a, level, scene, level.vpls // value) + ["--visibility", "exact"], False
+    elif method == "bdpt":
+        spp, paired = str(level.bdpt_spp), True
+        words = ["bdpt", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", spp, "--epoch", spp]
+        words += HOW["cache"](word(value))
+    else:
+        words = setting(a, level, scene) + HOW[method](word(value))
+    if level.pictures.get(method) == value:
+        case.makes = (curve_image(scene, method),)
+        words += ["-o", *case.makes]
+    if paired:
+        case.words, case.needs = compare(a, words, 1 if method == "bdpt" else level.runs), ()
+        case.cost = (1.0 + SHARE[method]) * full * (1 if method == "bdpt" else level.runs)
+    else:
+        case.words = alone(a, words + ["--reference", image])
+        case.cost = full / value if method == "fewer" else full * SHARE[method]
+    return case
+
+
+# How long a frame takes, by method, as a share of exact's; for the time that is left.
+SHARE = {"cache": 0.4, "cache-unrefined": 0.4, "cache-words": 0.5, "estimate": 0.1, "cached-selection": 0.1,
+         "selection": 0.15, "adaptive": 0.6, "adaptive-cache": 0.4, "grid": 0.8, "bdpt": -0.5}  # fewer paths
+
+
 def curves(a, level):
-    full = cost(level, level.spp, level.vpls, level.runs)
     for scene in a.present(level.scenes):
         base, image = f"curves/{scene}/exact", curve_image(scene, "exact")
-        yield Case(base, compare(a, setting(a, level, scene) + ["--visibility", "exact", "-o", image], level.runs),
-                   {"section": "curves", "scene": scene, "method": "limit", "value": ""}, makes=(image,), cost=2 * full)
-        for method, values in level.sweeps.items():
-            if method == "grid" and scene not in BY_SKY:
-                continue
-            for value in values:
-                labels = {"section": "curves", "scene": scene, "method": method, "value": value, "base": base}
-                case = Case(f"curves/{scene}/{method}/{word(value)}", [], labels, cost=1.4 * full)
-                if method == "fewer":
-                    labels["value"] = level.vpls // value
-                    words = setting(a, level, scene, level.vpls // value)
-                    case.words = alone(a, words + ["--visibility", "exact", "--reference", image])
-                    case.needs, case.cost = (base,), cost(level, level.spp, level.vpls // value, 1)
-                elif method == "bdpt":
-                    spp = str(level.bdpt_spp)
-                    words = ["bdpt", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", spp,
-                             "--epoch", spp]
-                    case.words = compare(a, words + HOW["cache"](word(value)), 1)
-                else:
-                    case.words = compare(a, setting(a, level, scene) + HOW[method](word(value)), level.runs)
-                if level.pictures.get(method) == value:
-                    case.makes = (curve_image(scene, method),)
-                    case.words += ["-o", *case.makes]
-                yield case
+        yield Case(base, alone(a, setting(a, level, scene) + ["--visibility", "exact", "-o", image]),
+                   {"section": "curves", "scene": scene, "method": "limit", "value": "", "base": base}, makes=(image,),
+                   cost=cost(level, spp_of(level, scene), level.vpls, 1))
+        made = [curve_case(a, level, scene, method, value) for method, values in level.sweeps.items()
+                for value in values if method != "grid" or scene in BY_SKY]
+        clocks = [c for c in made if c.labels["method"] == CLOCK and c.labels["value"] in clocks_of(level)]
+        yield from spread(clocks, [c for c in made if c not in clocks])
 
 
 def kinds(a, level):

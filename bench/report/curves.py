@@ -68,11 +68,12 @@ def caption_of(points, scene):
     base = next((r for r in points if r["labels"]["method"] == "limit"), None)
     if not base:
         return f"{name(scene)}: {setting(points[0])}."
-    words = f"{name(scene)}: {setting(base)}. Exact takes {number(base, 'figures.exact.frame_s', 'seconds')} a " \
-            f"frame; with visibility for nothing it would be {number(base, 'point.frame', 'times')} as fast " \
-            "(measured: the time of its shadow rays taken away). Methods that shade fewer lights or share shading " \
-            "between paths can be faster than that. Exact against itself came out as " \
-            f"{number(base, 'point.noise', 'times')}: by so much the clock may be wrong."
+    words = f"{name(scene)}: {setting(base)}. Exact takes {number(base, 'point.exact_s', 'seconds')} a frame, the " \
+            f"median of {number(base, 'point.frames', 'plain')} among the others, of which the slowest took " \
+            f"{number(base, 'point.noise', 'times')} as long as the fastest: by so much the clock may be wrong. With " \
+            f"visibility for nothing it would be {number(base, 'point.frame', 'times')} as fast (measured: the time " \
+            "of its shadow rays taken away). Methods that shade fewer lights or share shading between paths can be " \
+            "faster than that."
     if any(r["labels"]["method"] == "bdpt" for r in points):
         words += " Bidirectional path tracing is compared with its own exact frame, which is another picture."
     return words

@@ -81,7 +81,8 @@ def crops(a, row):
     def titled(images, way):
         return f"<figure>{images}<figcaption>{name(said(way))}</figcaption></figure>"
 
-    whole = "".join(titled(picture(a, f"{prefix}-{way}.png", way), way) for way in ("exact", "halton", "scanline-plain"))
+    whole = "".join(titled(picture(a, f"{prefix}-{way}.png", way), way)
+                    for way in ("exact", "halton", "scanline-plain"))
 
     def enlarged(way):
         one = picture(a, f"{prefix}-zoom-{way}.png", said(way))
@@ -114,8 +115,8 @@ def scene_section(a, scene, own):
         columns += [(f, lambda i, f=f, form=form, r=r: number(r, f"figures.ways.{i}.{f}", form)) for f, form in COLUMNS]
         figures += table(columns, range(len(ways)))
     caption = f"{name(scene)}: {setting(own[0])}; {number(shown, 'figures.ways.0.edges', 'count')} places on edges " \
-              f"at C_E = {number(shown, 'figures.ce', 'plain')}, which are those of the first plot. Shifts to the right " \
-              "and down are positive; hollow: not refined."
+              f"at C_E = {number(shown, 'figures.ce', 'plain')}, which are those of the first plot. Shifts " \
+              "to the right and down are positive; hollow: not refined."
     inside = f'<div class="row">{"".join(drawn)}</div>{crops(a, shown)}'
     inside += f"<details><summary>figures</summary>{figures}</details>"
     return f"<h3>{name(scene)}</h3>" + figure(inside, caption, own)
@@ -129,7 +130,7 @@ def section(a, rows):
     top = "<p>Whoever asks first speaks for a cell. In scanline order that is its upper left corner, so shadows move " \
           f"right and down {given('(Popov et al. 2013, Fig. 4)')}, and refinement finds the neighbours on two sides " \
           "alone. The renderers light the pixels of a tile in Halton order. An edge is a row or column of pixels on " \
-          "one plane of which exact sees one half lit and the other not; its shift is by how many pixels the cache moves " \
-          f"it, its raggedness {given('(Fig. 3, 8)')} the root mean square of how much that changes from one row to " \
-          "the next. One path a pixel, one cache for the image.</p>"
+          "one plane of which exact sees one half lit and the other not; its shift is by how many pixels the cache " \
+          f"moves it, its raggedness {given('(Fig. 3, 8)')} the root mean square of how much that changes from one " \
+          "row to the next. One path a pixel, one cache for the image.</p>"
     return STYLE + top + "\n".join(scene_section(a, scene, own) for scene, own in places.items())

@@ -89,7 +89,7 @@ def one(a, rows, row):
 def section(a, rows):
     head = "<p>An error that stands still is a stain; one that comes and goes is seen at once. Of each frame the " \
            "signed difference to exact; its change to the next frame, summed over the pixels, over all light. Frames " \
-           "are evenly spaced: a thousandth of the scene and a quarter of a degree a frame, or one degree of the sky. A " \
-           "kept cache forgets what it knew of lights that moved: where all lights turn it is the emptied one " \
+           "are evenly spaced: a thousandth of the scene and a quarter of a degree a frame, or one degree of the " \
+           "sky. A kept cache forgets what it knew of lights that moved: where all lights turn it is the emptied one " \
            f"{given('(Popov et al. 2013, Sect. 5.3)')}.</p>"
     return head + "\n".join(one(a, rows, r) for r in list(rows.values()) if r["labels"]["section"] == "flicker")

@@ -7,6 +7,7 @@ import dataclasses
 class Level:
     size: str
     spp: int
+    slow: dict          # fewer paths for scenes whose exact frames take minutes
     vpls: int
     env_lights: int
     light_samples: int  # of area lights, where they are all there is
@@ -21,7 +22,7 @@ class Level:
     reference_spp: int
     converged_knobs: dict
     maps: list          # texels a side of shadow maps
-    sequence: dict      # of moving pictures: frames, paths a pixel, C_E, environment lights, virtual lights
+    sequence: dict      # of moving pictures: size, frames, paths a pixel, C_E, environment lights, virtual lights
     edges: dict         # of hard shadows: size, C_E, that of the pictures
     clusters: dict      # scenes; C_E at several paths a pixel, at one; those that are also rendered unrefined, shared
     studies: dict       # size and paths of the images, scenes; values of each of whitted's options besides the default
@@ -30,29 +31,27 @@ class Level:
 
 LEVELS = {
     "full": Level(
-        "320x180", 16, 1024, 256, 64, 1, 16,
+        "256x144", 16, {"atrium": 4, "san-miguel": 4, "hair-straight": 4}, 1024, 256, 64, 1, 4,
         ["atrium", "conference-lights", "shapes", "kitchen", "conference", "breakfast", "living-room", "san-miguel",
          "hair-straight"],
-        {"cache": [4, 8, 16, 32, 64], "cache-unrefined": [4, 8, 16, 32], "cache-words": [8, 32],
-         "estimate": [1, 2, 4, 8, 16, 32], "cached-selection": [2, 8, 32], "selection": [2, 4, 8, 16, 32, 64],
-         "fewer": [2, 4, 8, 16, 32], "adaptive": [0.02, 0.05, 0.1, 0.2, 0.5], "adaptive-cache": [0.05, 0.2, 0.5],
-         "grid": ["NEAR", "OPT", "FLO", "GNU", "GWU", "GNB", "SWB"], "bdpt": [6, 12, 24, 48]},
-        {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.1}, True,
-        {"hard": ([4, 8, 16, 24, 36], [4, 8, 12, 18]), "soft": ([10, 16, 24, 32, 48, 64], [4, 8, 16, 24])},
-        ["atrium", "conference-lights", "kitchen", "conference", "living-room"], 2048,
-        {"selection": [4, 16], "cache": [8, 32], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
+        {"cache": [8, 16, 32], "cache-unrefined": [8, 32], "cache-words": [16],
+         "estimate": [1, 2, 3, 4, 6, 8, 16], "cached-selection": [2, 8], "selection": [2, 4, 8, 16, 32, 64],
+         "fewer": [4, 8, 16], "adaptive": [0.2], "adaptive-cache": [0.2], "grid": ["NEAR"], "bdpt": [12]},
+        {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.2}, True,
+        {"hard": ([4, 8, 16, 36], [4, 8, 18]), "soft": ([10, 24, 64], [4, 24])},
+        ["kitchen", "living-room"], 1024,
+        {"selection": [4, 16], "cache": [16], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
         maps=[1024, 2048, 4096, 6000],
-        sequence={"frames": 60, "spp": 4, "ce": [4, 8, 16, 32], "env_lights": 64, "vpls": 128,
-                  "grid": ["NEAR", "OPT", "GNU"], "estimate": [4, 8]},
+        sequence={"size": "160x90", "frames": 60, "spp": 4, "ce": [4, 8, 32], "env_lights": 64, "vpls": 128,
+                  "grid": ["NEAR", "OPT"], "estimate": [4, 8]},
         edges={"size": "640x360", "ce": [4, 8, 16], "shown": 8},
-        clusters={"scenes": ["conference-lights", "kitchen", "conference", "san-miguel"], "ce": [8, 16, 32], "one": [4, 8, 16],
-         "also": [16]},
-        studies={"size": "320x180", "spp": 4, "scenes": ["kitchen", "conference", "san-miguel"], "ce": 8, "table_mb": 64,
-         "options": {"ce": [4, 16], "cn": [1, 2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2, 2.5],
-                     "refine": [1, 2, 4, 6], "refine-above": [0, 0.25, 1, 2], "cache-mb": [1, 2, 16, 64]}},
+        clusters={"scenes": ["conference-lights", "kitchen", "san-miguel"], "ce": [8, 32], "one": [8], "also": [8]},
+        studies={"size": "192x108", "spp": 4, "scenes": ["kitchen", "san-miguel"], "ce": 8, "table_mb": 64,
+         "options": {"ce": [4, 16], "cn": [1, 2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2.5],
+                     "refine": [1, 2, 4], "refine-above": [0, 1], "cache-mb": [1, 2, 16, 64]}},
         seeing={"size": "320x180", "lights": 256}),
     "quick": Level(
-        "128x72", 4, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
+        "128x72", 4, {}, 256, 64, 16, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
          "cached-selection": [6], "selection": [6, 24, 48], "fewer": [4], "adaptive": [0.05, 0.2],
          "adaptive-cache": [], "grid": ["NEAR", "OPT", "GNU"], "bdpt": [12]},
@@ -61,8 +60,8 @@ LEVELS = {
         ["conference-lights", "shapes"], 256,
         {"selection": [8], "cache": [16], "estimate": [8], "cached-selection": [], "exact": [None]},
         maps=[128, 256, 512],
-        sequence={"frames": 8, "spp": 4, "ce": [4, 16], "env_lights": 36, "vpls": 0, "grid": ["NEAR", "OPT"],
-                  "estimate": [4]},
+        sequence={"size": "128x72", "frames": 8, "spp": 4, "ce": [4, 16], "env_lights": 36, "vpls": 0,
+                  "grid": ["NEAR", "OPT"], "estimate": [4]},
         edges={"size": "320x180", "ce": [4, 8], "shown": 8},
         clusters={"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]},
         studies={"size": "96x54", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 4,
@@ -70,14 +69,14 @@ LEVELS = {
                      "refine-above": [0, 2], "cache-mb": [1, 16]}},
         seeing={"size": "128x72", "lights": 64}),
     "tiny": Level(
-        "48x27", 4, 64, 16, 4, 1, 2, ["cornell", "shapes"],
+        "48x27", 4, {}, 64, 16, 4, 1, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
          "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"],
          "bdpt": [12]},
         {"cache": 8, "estimate": 8}, False, {"hard": ([4, 8], [4]), "soft": ([8, 16], [4])}, ["cornell"], 64,
         {"selection": [4], "cache": [8], "estimate": [4], "cached-selection": [], "exact": [None]},
         maps=[32, 64],
-        sequence={"frames": 2, "spp": 4, "ce": [4], "env_lights": 36, "vpls": 16, "grid": ["NEAR"],
+        sequence={"size": "48x27", "frames": 2, "spp": 4, "ce": [4], "env_lights": 36, "vpls": 16, "grid": ["NEAR"],
                   "estimate": [4]},
         edges={"size": "96x54", "ce": [4], "shown": 4},
         clusters={"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]},

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The methods that are compared: how plots draw them, what their knob is called, and the point that a row makes."""
 import collections
+import statistics
 
 Method = collections.namedtuple("Method", "name colour shape hollow dashed setting ours")
 
@@ -22,6 +23,10 @@ METHODS = {
     "limit": Method("exact", "#333333", "cross", False, False, "", False),
     "reference": Method("converged", "#333333", "cross", False, False, "{} paths", False),
 }
+
+
+# Compared with exact frames of their own, which are others: of other paths, of other eye samples.
+OWN_EXACT = ("bdpt", "grid")
 
 
 def setting_of(row):
@@ -48,22 +53,36 @@ def compared(figures):
             "mispredicted": error["mispredicted"]}
 
 
-def of_fewer_lights(figures, exact, whole_over_lit):
-    """The point of a frame alone, against the image and the times of `exact`. What is seen directly is the same in
-    both, so that errors over the lit part are to those of the whole image in any frame as they are in all."""
+class Scene:
+    """What the exact frames of a scene say together: their times, and errors over the lit part to those of the whole
+    image, which are in any frame as in all, since what is seen directly is the same."""
+
+    def __init__(self, base):
+        self.rays, self.frames, self.whole_over_lit = base["mode_run"]["rays_traced"], [base["mode_run"]], None
+
+    def beside(self, figures):
+        self.frames.append(figures["exact"])
+        if figures["error"]["l_inf_whole"]:
+            self.whole_over_lit = figures["error"]["l_inf"] / figures["error"]["l_inf_whole"]
+
+    def median(self, field):
+        return statistics.median(f[field] for f in self.frames)
+
+
+def of_alone(figures, exact):
+    """The point of a frame alone, against the image and the times of a Scene."""
     mode, error = figures["mode_run"], figures["reference"]["mode_run"]
-    return {"error": error["l_inf"] * whole_over_lit, "flip": error["flip"],
-            "frame": exact["frame_s"] / mode["frame_s"], "shade": exact["shade_s"] / mode["shade_s"],
-            "share": mode["rays_traced"] / max(1, exact["rays"])}
+    return {"error": error["l_inf"] * exact.whole_over_lit, "flip": error["flip"],
+            "frame": exact.median("frame_s") / mode["frame_s"], "shade": exact.median("shade_s") / mode["shade_s"],
+            "share": mode["rays_traced"] / max(1, exact.rays)}
 
 
-def of_limit(figures):
-    """What a frame would gain if visibility cost nothing and all else stayed as it is."""
-    exact = figures["exact"]
-    seen = exact["visibility_s"]
-    return {"error": 0.0, "frame": exact["frame_s"] / max(1e-9, exact["frame_s"] - seen),
-            "shade": exact["shade_s"] / max(1e-9, exact["shade_s"] - seen), "share": 0.0,
-            "noise": figures["speedup"]["frame"]}
+def of_limit(exact):
+    """What a frame would gain if visibility cost nothing and all else stayed as it is; the times of exact frames."""
+    frames, seen = [f["frame_s"] for f in exact.frames], exact.median("visibility_s")
+    frame, shade = statistics.median(frames), exact.median("shade_s")
+    return {"error": 0.0, "frame": frame / max(1e-9, frame - seen), "shade": shade / max(1e-9, shade - seen),
+            "share": 0.0, "exact_s": frame, "frames": len(frames), "noise": max(frames) / min(frames)}
 
 
 def of_converged(figures):
@@ -80,16 +99,16 @@ def derived(rows, id, figures, parents):
 
 
 def add_points(rows):
-    """Gives each row its `point`, from its own figures and those of its base."""
-    ratio = {}
+    """Gives each row its `point`, from its own figures and those of its scene's exact frames."""
+    scenes = {i: Scene(r["figures"]) for i, r in rows.items() if r["labels"].get("method") == "limit"}
     for row in rows.values():
-        error = row["figures"].get("error", {})
-        if row["labels"].get("base") and error.get("l_inf_whole"):
-            ratio.setdefault(row["labels"]["base"], error["l_inf"] / error["l_inf_whole"])
+        exact, figures = scenes.get(row["labels"].get("base")), row["figures"]
+        if exact and "error" in figures and row["labels"]["method"] not in OWN_EXACT:
+            exact.beside(figures)
     for row in rows.values():
-        figures, labels = row["figures"], row["labels"]
+        figures, labels, exact = row["figures"], row["labels"], scenes.get(row["labels"].get("base"))
         if labels.get("method") == "limit":
-            row["point"] = of_limit(figures)
+            row["point"] = of_limit(exact)
         elif labels["section"] == "converged":
             if "reference" in figures:
                 row["point"] = of_converged(figures)
@@ -97,6 +116,5 @@ def add_points(rows):
             row["point"] = compared(figures)
             if labels["method"] == "bdpt":
                 row["point"]["shade"] = None  # its shading is not apart
-        elif labels.get("method") == "fewer" and labels["base"] in rows and labels["base"] in ratio:
-            base = rows[labels["base"]]["figures"]
-            row["point"] = of_fewer_lights(figures, base["exact"], ratio[labels["base"]])
+        elif exact and exact.whole_over_lit and "reference" in figures:
+            row["point"] = of_alone(figures, exact)

@@ -206,8 +206,8 @@ def replays(rows, scenes):
                     f'{ratio("around_64_l_inf")}.')
     caption = "Replayed pair by pair, cells unlimited in number, all lights refined. " + " ".join(said) + \
               f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}, and asks the cells beside " \
-              f"the eye's alone, for efficiency {given('(Sect. 3.6)')}: beside the light's cell there may be no light, or one whose " \
-              "density puts it into cells of another size."
+              f"the eye's alone, for efficiency {given('(Sect. 3.6)')}: beside the light's cell there may be no " \
+              "light, or one whose density puts it into cells of another size."
     return "<h3>One orientation, more neighbours</h3>" + figure(table(columns, own), caption, own)
 
 

@@ -104,7 +104,8 @@ def markdown(a, rows, all_things):
     """docs/seeing.md: the same as a table."""
     lines = ["# What you see, which option, what it costs", "",
              "Programs and options are those of `whitted`. Made by " \
-             f"`./report --only seeing --runs {a.level.runs}`, which writes this page (`out/report/seeing.md`) and its pictures",
+             f"`./report --only seeing --runs {a.level.runs}`, which writes this page (`out/report/seeing.md`) and "
+             "its pictures",
              "(`out/report/pictures/seeing-*-strip.png`, here in `pictures/`). Each picture: as it is, with the " \
              "other option, as it",
              f"should be; the worst third of {a.level.seeing['size']} pixels, enlarged. Frames beside the exact " \

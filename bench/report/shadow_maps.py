@@ -88,7 +88,7 @@ def section(a, rows):
             places.setdefault(r["labels"]["scene"], []).append(r)
     head = "<p>What a renderer with few hard lights would do instead (Popov et al. " \
            f"{given('(2013), Sect. 5.4')}): a depth cube around each point or spot light, of which the faces that " \
-           "are looked into are made, and one map over the scene for a sun; the nearest texel, a bias in proportion to " \
-           "its width and the slope. Texels are found by packets of rays, which a rasteriser would do faster: hollow " \
-           "marks leave that time out, as for lights and scenes that stand still.</p>"
+           "are looked into are made, and one map over the scene for a sun; the nearest texel, a bias in proportion " \
+           "to its width and the slope. Texels are found by packets of rays, which a rasteriser would do faster: " \
+           "hollow marks leave that time out, as for lights and scenes that stand still.</p>"
     return head + "\n".join(scene_section(a, rows, scene, own) for scene, own in places.items())
