@@ -34,7 +34,7 @@ class Page(html.parser.HTMLParser):
 
     def __init__(self, rows):
         super().__init__()
-        self.rows, self.stack, self.wrong, self.numbers, self.markers = rows, [], [], 0, 0
+        self.rows, self.stack, self.wrong, self.numbers, self.markers, self.texts = rows, [], [], 0, 0, set()
 
     def handle_starttag(self, tag, attributes):
         attributes = dict(attributes)
@@ -60,6 +60,7 @@ class Page(html.parser.HTMLParser):
         tag, attributes = self.stack[-1] if self.stack else ("", {})
         if tag == "data":
             self.numbers += 1
+            self.texts.add(text)
             value = lookup(self.rows[attributes["data-row"]], attributes["data-field"])
             if str(value) != attributes["value"] or FORMATS[attributes["data-format"]](value) != text:
                 self.wrong.append(f"{attributes['data-row']}: {attributes['data-field']} is {value}, not {text}")
@@ -191,6 +192,33 @@ class Report(unittest.TestCase):
                           for x in range(b["x"], b["x"] + b["side"])]
                 self.assertAlmostEqual(statistics.fmean(inside), b["flip"], 5)
         self.assertEqual(layered, 2)
+
+    def test_markdown_is_the_page(self):
+        """Each number of its tables stands on the page; a document takes sections; one that cannot stays as it is."""
+        page, text = Page(self.rows()), read(os.path.join(self.out, "figures.md"))
+        page.feed(read(os.path.join(self.out, "index.html")))
+        cells = [c.strip(" *") for line in text.splitlines() if line.startswith("| ") for c in line.split("|")[1:-1]]
+        numbers = [c.split(" ")[0] for c in cells if re.match(r"[0-9.,]+(x| s| %)( |$)", c)]
+        self.assertGreater(len(numbers), 200)
+        for n in numbers:
+            self.assertTrue(any(t.startswith(n) for t in page.texts), n)
+        self.assertEqual(re.findall(r"<|&\w+;", re.sub("<= ", "", text)), [])
+        path = os.path.join(self.folder.name, "page.md")
+        for sections, status in ((("headline", "maps"), 0), (("headline", "nothing"), 1), ((), 1)):
+            before = "".join(f"A page\n<!-- report: {s} -->\nold\n<!-- end of report -->\n" for s in sections)
+            with open(path, "w") as f:
+                f.write(before)
+            said = self.run_it("--fill", path, status=status)
+            if status:
+                self.assertIn(path, said.splitlines()[-1])
+                self.assertEqual(read(path), before)
+            else:
+                parts = read(path).split("<!-- ")
+                self.assertEqual([p.split(" -->")[0] for p in parts[1:]],
+                                 ["report: headline", "end of report", "report: maps", "end of report"])
+                for p in (parts[1], parts[3]):
+                    self.assertIn(p.split(" -->\n")[1].strip(), text)
+                    self.assertGreater(p.count("\n|"), 3)
 
     def test_parts_are_there(self):
         for folder, end, least in (("plots", ".svg", 10), ("pictures", ".png", 16)):

@@ -4,9 +4,10 @@
 
     ./report [--quick] [--scenes FOLDER] [--out FOLDER] [--only SECTION]
 
-OUT/index.html is the page (all within one file), OUT/plots/*.svg and OUT/pictures/*.png its parts, OUT/rows.csv and
-rows.json all figures. Cases run one after another; OUT/rows.jsonl keeps a row of each, so that an interrupted report
-goes on where it was when it is started again, and what a changed program or command made is rendered anew.
+OUT/index.html is the page (all within one file), OUT/plots/*.svg and OUT/pictures/*.png its parts, OUT/figures.md its
+words and tables, OUT/rows.csv and rows.json all figures. Cases run one after another; OUT/rows.jsonl keeps a row of
+each, so that an interrupted report goes on where it was when it is started again, and what a changed program or command
+made is rendered anew.
 
 FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in scenes alone are rendered. Sections:
   curves     speed against error of all methods, by scene (and the table at the top)
@@ -33,6 +34,7 @@ from report import (clusters, converged, curves, edges, flicker, headline, light
 from report.cases import ALL, present
 from report.cases_hard import HARD
 from report.levels import LEVELS
+from report.markdown import document, fill
 from report.methods import add_points
 from report.page import page
 from report.runner import Programs, Rows, run_all
@@ -56,6 +58,8 @@ def parse():
     parser.add_argument("--only", metavar="SECTION", help="cases of one section alone")
     parser.add_argument("--threads", type=int, default=1, help="of each renderer, which run one at a time (default 1)")
     parser.add_argument("--runs", type=int, help="pairs of frames, of which medians are taken (default 1)")
+    parser.add_argument("--fill", action="append", default=[], metavar="FILE",
+                        help="a document whose sections stand between <!-- report: NAME --> and <!-- end of report -->")
     parser.add_argument("--tiny", action="store_true", help="smaller still than --quick: does the report work?")
     a = parser.parse()
     if not 0 <= a.threads <= 1024:
@@ -133,6 +137,10 @@ def write(a, rows):
     with open(path + ".part", "w") as f:
         f.write(page(a, sections))
     os.replace(path + ".part", path)
+    with open(os.path.join(a.out, "figures.md"), "w") as f:
+        f.write(document(a, sections))
+    for path_of in a.fill:
+        fill(path_of, sections)
     return path
 
 
@@ -159,8 +167,10 @@ def main():
         interrupted = True
     valid = {c.id: rows.get(c) for c in cases}
     valid = {i: r for i, r in valid.items() if r}
-    path = write(a, valid)
-    print(path)
+    try:
+        print(write(a, valid))
+    except (Failure, OSError) as e:
+        parser.error(str(e))
     if interrupted:
         done = sum(c.id in valid for c in chosen)
         print(f"report: interrupted; {done} of {len(chosen)} cases are done and kept: the same command goes on",

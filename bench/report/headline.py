@@ -28,6 +28,7 @@ class Entry:
     def __init__(self, rows, scene, target):
         points = of_scene(rows, scene)
         found = {m: fastest(points, m, target) for m in COLUMNS}
+        self.base = next((r for r in points if r["labels"]["method"] == "limit"), None)
         self.scene, self.target = scene, f"l_inf <= {100 * target:g} %"
         self.found = {m: r for m, r in found.items() if r}
         self.winner = max(self.found, key=lambda m: speed(self.found[m]), default=None)
@@ -71,6 +72,7 @@ def section(a, rows):
     entries = [Entry(rows, scene, target) for scene in scenes_of(rows, "curves") for target in TARGETS]
     shown = [m for m in COLUMNS if any(m in e.found for e in entries)]
     columns = [("scene", lambda e: name(e.scene)), ("error", lambda e: given(e.target))]
+    columns += [("exact", lambda e: number(e.base, "point.exact_s", "seconds") if e.base else "")]
     columns += [(METHODS[m].name, lambda e, m=m: e.cell(m)) for m in shown]
     lines = "".join(f"<li>{s}</li>" for s in (e.sentence() for e in entries) if s)
     loses = f'<div class="loses"><b>Where the cache loses</b><ul>{lines}</ul></div>' if lines else ""
