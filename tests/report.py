@@ -204,7 +204,7 @@ class Report(unittest.TestCase):
             self.assertTrue(any(t.startswith(n) for t in page.texts), n)
         self.assertEqual(re.findall(r"<|&\w+;", re.sub("<= ", "", text)), [])
         path = os.path.join(self.folder.name, "page.md")
-        for sections, status in ((("headline", "maps"), 0), (("headline", "nothing"), 1), ((), 1)):
+        for sections, status in ((("headline, table", "maps"), 0), (("headline", "nothing"), 1), ((), 1)):
             before = "".join(f"A page\n<!-- report: {s} -->\nold\n<!-- end of report -->\n" for s in sections)
             with open(path, "w") as f:
                 f.write(before)
@@ -215,10 +215,11 @@ class Report(unittest.TestCase):
             else:
                 parts = read(path).split("<!-- ")
                 self.assertEqual([p.split(" -->")[0] for p in parts[1:]],
-                                 ["report: headline", "end of report", "report: maps", "end of report"])
+                                 ["report: headline, table", "end of report", "report: maps", "end of report"])
                 for p in (parts[1], parts[3]):
                     self.assertIn(p.split(" -->\n")[1].strip(), text)
                     self.assertGreater(p.count("\n|"), 3)
+                self.assertEqual(len(parts[1].strip().split("\n\n")), 1)
 
     def test_parts_are_there(self):
         for folder, end, least in (("plots", ".svg", 10), ("pictures", ".png", 16)):
@@ -242,6 +243,10 @@ class Report(unittest.TestCase):
         self.assertEqual(*({json.loads(line)["id"] for line in some} for some in (read(path).splitlines(), lines)))
 
     def test_interrupted_it_goes_on(self):
+        for told in (signal.SIGINT, signal.SIGTERM):
+            self.interrupt(told)
+
+    def interrupt(self, told):
         with tempfile.TemporaryDirectory() as out:
             words = self.words("--out", out, "--only", "curves")
             process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -250,7 +255,7 @@ class Report(unittest.TestCase):
             path, end = os.path.join(out, "rows.jsonl"), time.monotonic() + 120
             while time.monotonic() < end and not (os.path.exists(path) and os.path.getsize(path)):
                 time.sleep(0.01)
-            process.send_signal(signal.SIGINT)
+            process.send_signal(told)
             said = process.communicate(timeout=60)[1]
             self.assertEqual(process.returncode, 130, said)
             done = int(re.search(r"interrupted; (\d+) of \d+ cases are done and kept: the same", said).group(1))

@@ -25,6 +25,7 @@ import csv
 import json
 import os
 import platform
+import signal
 import sys
 
 sys.dont_write_bytecode = True
@@ -161,6 +162,7 @@ def main():
     except Failure as e:
         parser.error(str(e))
     interrupted, failed = False, []
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         failed = run_all(a, programs, chosen, rows)
     except KeyboardInterrupt:

@@ -100,16 +100,20 @@ pictures besides ("left", "hollow", "below" speak of them), and says for each nu
 
 
 def fill(path, sections):
-    """Puts sections into a document, between `<!-- report: ANCHOR -->` and `<!-- end of report -->`."""
+    """Puts sections into a document, between `<!-- report: ANCHOR -->` and `<!-- end of report -->`; of `ANCHOR, table`
+    the first table alone."""
     with open(path) as f:
         page = f.read()
-    parts = re.split(r"(<!-- report: (\w+) -->\n)(.*?)(<!-- end of report -->)", page, flags=re.DOTALL)
+    parts = re.split(r"(<!-- report: (\w+)(, table)? -->\n)(.*?)(<!-- end of report -->)", page, flags=re.DOTALL)
     if len(parts) == 1:
         raise Failure(f"{path}: no '<!-- report: SECTION -->' and '<!-- end of report -->' in it")
     inside = {anchor: text for anchor, _, text in sections}
-    for i in range(1, len(parts), 5):
-        if parts[i + 1] not in inside:
-            raise Failure(f"{path}: no section {parts[i + 1]} in the report")
-        parts[i + 1], parts[i + 2] = "", markdown(inside[parts[i + 1]]) + "\n"
+    for i in range(1, len(parts), 6):
+        anchor, only = parts[i + 1:i + 3]
+        if anchor not in inside:
+            raise Failure(f"{path}: no section {anchor} in the report")
+        tree = Tree(inside[anchor]).root
+        parts[i + 1], parts[i + 2] = "", ""
+        parts[i + 3] = (table(found(tree, "table")[0]) if only else "\n\n".join(blocks(tree))) + "\n"
     with open(path, "w") as f:
         f.write("".join(parts))
