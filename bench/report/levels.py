@@ -35,7 +35,7 @@ LEVELS = {
         ["atrium", "conference-lights", "shapes", "kitchen", "conference", "breakfast", "living-room", "san-miguel",
          "hair-straight"],
         {"cache": [8, 16, 32], "cache-unrefined": [8, 32], "cache-words": [16],
-         "estimate": [1, 2, 3, 4, 6, 8, 16, 32], "cached-selection": [2, 8], "selection": [2, 4, 8, 16, 32, 64],
+         "estimate": [1, 2, 3, 4, 6, 8, 16, 32, 64], "cached-selection": [2, 8], "selection": [2, 4, 8, 16, 32, 64],
          "fewer": [4, 8, 16], "adaptive": [0.2], "adaptive-cache": [0.2], "grid": ["NEAR"], "bdpt": [12]},
         {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.2}, True,
         {"hard": ([4, 8, 16, 36], [4, 8, 18]), "soft": ([10, 24, 64], [4, 24])},
