@@ -77,11 +77,11 @@ static void check_energy(stage *g, visibility_mode mode, float rays, bool lit, c
     tally difference = {0};
     double exact_sum = 0.0;
     ray_counts all = {0};
-    for (uint64_t seed = 1; seed <= (uint64_t)tally_count(SEEDS); seed++) {
+    for (uint64_t seed = 1; seed <= (uint64_t)sample_count(SEEDS); seed++) {
         g->v.settings.seed = seed;
         frame exact = render(g, VISIBILITY_EXACT, rays), few = render(g, mode, rays);
         assert_true(same_images(&exact.seen, &few.seen));
-        exact_sum += energy(&exact) / tally_count(SEEDS);
+        exact_sum += energy(&exact) / sample_count(SEEDS);
         tally_add(&difference, energy(&few) - energy(&exact));
         all.asked += few.rays.asked, all.traced += few.rays.traced;
         frame_free(&exact);
@@ -94,7 +94,7 @@ static void check_energy(stage *g, visibility_mode mode, float rays, bool lit, c
     assert_true((exact_sum > 0.0) == lit);
     if (!(fabs(mean) <= 3.0 * error))
         fail_msg("%s: energy off by %g of %g, standard error %g", what, mean, exact_sum, error);
-    assert_true(!lit || error < 0.02 * tally_growth(SEEDS) * exact_sum); /* else nothing would be seen */
+    assert_true(!lit || error < 0.02 * error_growth(SEEDS) * exact_sum); /* else nothing would be seen */
 }
 
 static const lighting lightings[] = {{"point lights and sun", 0, true, true, false},
@@ -157,7 +157,7 @@ static void samples_of_one_pixel(void **state)
     for (int spp = 128; spp <= 256; spp *= 2) {
         tally difference = {0};
         g.v.settings.spp = spp;
-        for (uint64_t seed = 1; seed <= (uint64_t)tally_count(1500); seed++) {
+        for (uint64_t seed = 1; seed <= (uint64_t)sample_count(1500); seed++) {
             g.v.settings.seed = seed;
             frame exact = render(&g, VISIBILITY_EXACT, 0.5f), few = render(&g, VISIBILITY_ESTIMATE, 0.5f);
             tally_add(&difference, energy(&few) - energy(&exact));
@@ -312,12 +312,12 @@ static void ridge(void **state)
         g.v.settings.light_samples = g.v.settings.env_samples = 0;
         tally t = {0};
         double exact_energy = 0.0;
-        for (g.v.settings.seed = 1; g.v.settings.seed <= (uint64_t)tally_count(FRAMES); g.v.settings.seed++) {
+        for (g.v.settings.seed = 1; g.v.settings.seed <= (uint64_t)sample_count(FRAMES); g.v.settings.seed++) {
             /* more is traced than the middle asks for */
             frame exact = render(&g, VISIBILITY_EXACT, 4.0f), estimate;
             g.v.settings.visibility = VISIBILITY_ESTIMATE;
             assert_true(frame_render(&g.v, "test", true, NULL, NULL, &estimate, NULL));
-            exact_energy += energy(&exact) / tally_count(FRAMES);
+            exact_energy += energy(&exact) / sample_count(FRAMES);
             tally_add(&t, energy(&estimate) - energy(&exact));
             frame_free(&exact);
             frame_free(&estimate);
@@ -325,7 +325,7 @@ static void ridge(void **state)
         print_message("lights %s: %+.3f %% +- %.3f %%\n", above ? "above" : "below",
                       100.0 * tally_mean(&t) / exact_energy, 100.0 * tally_error(&t) / exact_energy);
         assert_true(fabs(tally_mean(&t)) <= 3.0 * tally_error(&t));
-        assert_true(tally_error(&t) < 0.02 * tally_growth(FRAMES) * exact_energy);
+        assert_true(tally_error(&t) < 0.02 * error_growth(FRAMES) * exact_energy);
         stage_free(&g);
     }
 }
