@@ -16,7 +16,6 @@ fi
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
 
-export VCACHE_TEST_PART=8 # of what has been tested here: an emulator is slow
 tests="kernels picks estimate quantize"
 number=0
 result() { # STATUS NAME [LOG]

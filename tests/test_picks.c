@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Which lights are drawn: each with the probability that its weight says, none twice, whatever the contributions. */
 #include "estimate_support.h"
-#include "samples.h"
 
 enum { LIGHTS_MAX = 1000 };
 
@@ -52,12 +51,10 @@ static uint32_t draw(const bench *b, float rays, float random, uint32_t capacity
 }
 
 /* A comb falls on an interval of p teeth p times on average; a grid of `offsets` offsets counts it to 1 / offsets for
- * each piece that the interval is cut into: two where samples take turns. `slack`: of probabilities, for rounding.
- * sample_count(offsets) of them. */
+ * each piece that the interval is cut into: two where samples take turns. `slack`: of probabilities, for rounding. */
 static void check_shared(const bench *b, const vcache_prediction *p, float rays, uint32_t samples, uint32_t offsets,
                          double slack)
 {
-    offsets = (uint32_t)sample_count((int)offsets);
     double *weight = malloc(b->padded * sizeof *weight), per_sample = (double)rays / samples;
     uint32_t *count = calloc((size_t)b->padded * samples, sizeof *count);
     assert_true(weight && count);
