@@ -6,19 +6,31 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* How many of `all` samples to take: VCACHE_TEST_PART=8 in the environment asks for an eighth, but for 16 at least. For
- * suites that run once more, by another compiler or under a sanitizer, what all of the samples were taken of. */
-static inline int sample_count(int all)
+/* VCACHE_TEST_PART=8 in the environment asks for an eighth of the samples: for suites that run once more, by another
+ * compiler or under a sanitizer, what has been run with all of them. 1: all. */
+static inline int sample_part(void)
 {
     const char *text = getenv("VCACHE_TEST_PART");
-    int part = text ? atoi(text) : 1, least = all < 16 ? all : 16;
-    return part > 1 && all / part > least ? all / part : part > 1 ? least : all;
+    return text && atoi(text) > 1 ? atoi(text) : 1;
+}
+
+/* How many of `all` samples to take, but `least` at least (or all): what has rare large values needs many. */
+static inline int sample_count(int all, int least)
+{
+    int part = all / sample_part();
+    return part >= least ? part : all < least ? all : least;
 }
 
 /* By how much standard errors are larger than of all samples: the root of the ratio. */
-static inline double error_growth(int all)
+static inline double error_growth(int all, int least)
 {
-    return sqrt((double)all / (double)sample_count(all));
+    return sqrt((double)all / (double)sample_count(all, least));
+}
+
+/* Of similar cases in a row all, or every second one. */
+static inline int case_step(void)
+{
+    return sample_part() > 1 ? 2 : 1;
 }
 
 #endif
