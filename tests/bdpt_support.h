@@ -97,12 +97,14 @@ static inline double image_mean(const image *i)
     return sum / ((double)i->width * i->height);
 }
 
+enum { RENDERINGS = 200 }; /* rare paths carry much of the light */
+
 /* Mean luminance of the image over independent renderings of one pass each, seeds first, first + 1 ... (paths of one
- * seed are spread over the pixel, and so are not independent). */
+ * seed are spread over the pixel, and so are not independent); sample_count(renderings, RENDERINGS) of them. */
 static inline tally stage_tally(stage *g, vcache *cache, int renderings, uint64_t first)
 {
     tally t = {0};
-    for (int i = 0; i < renderings; i++) {
+    for (int i = 0, count = sample_count(renderings, RENDERINGS); i < count; i++) {
         g->v.settings.seed = first + (uint64_t)i;
         film f = film_new(g->v.settings.width, g->v.settings.height);
         passes *p = passes_new(&g->v, cache, &f);
@@ -177,7 +179,7 @@ static inline double share(const frame *f)
 static inline void assert_no_bias(stage *g, int seeds, const char *what)
 {
     tally t = {0};
-    for (int i = 0; i < seeds; i++) {
+    for (int i = 0, count = sample_count(seeds, 16); i < count; i++) {
         g->v.settings.seed = 100 + (uint64_t)i;
         frame exact = picture(g, VISIBILITY_EXACT), other = picture(g, VISIBILITY_ESTIMATE);
         tally_add(&t, (image_mean(&other.image) - image_mean(&exact.image)) / image_mean(&exact.image));

@@ -3,7 +3,7 @@
 #ifndef TESTS_TALLY_H
 #define TESTS_TALLY_H
 
-#include <math.h>
+#include "samples.h"
 
 typedef struct tally {
     double count, sum, squares;

@@ -5,11 +5,11 @@
 
 /* ------------------------------------------------------------------------------------------------ specular chains */
 
-/* Independent renderings. */
+/* Independent renderings: sample_count(seeds, 10). */
 static tally mode_tally(stage *g, visibility_mode mode, int seeds)
 {
     tally t = {0};
-    for (int i = 0; i < seeds; i++) {
+    for (int i = 0, count = sample_count(seeds, 10); i < count; i++) {
         g->v.settings.seed = 1 + (uint64_t)i;
         frame f = picture(g, mode);
         tally_add(&t, image_mean(&f.image));
@@ -103,7 +103,7 @@ static void under_water(void **state)
     tally connected = stage_tally(&g, NULL, 2000, 10000);
     assert_same_mean(&connected, &met, "connected under water, met by chance");
     assert_same_mean(&all, &met, "all, met by chance");
-    assert_true(tally_error(&connected) < 0.05 * tally_mean(&connected));
+    assert_true(tally_error(&connected) < 0.05 * error_growth(2000, RENDERINGS) * tally_mean(&connected));
     stage_free(&g);
 }
 
@@ -189,7 +189,7 @@ static void few_partners(void **state)
             g.v.settings.partners = partners[k];
             tally t = {0};
             uint64_t count = 0;
-            for (int n = 0; n < 1000; n++) {
+            for (int n = 0, all = sample_count(1000, RENDERINGS); n < all; n++) {
                 g.v.settings.seed = 1 + (uint64_t)n;
                 frame f = picture(&g, VISIBILITY_EXACT);
                 tally_add(&t, image_mean(&f.image));
@@ -231,7 +231,7 @@ static void unequal_batches(void **state)
     for (int partners = 1; partners <= PARTNERS; partners *= PARTNERS) {
         g.v.settings.partners = partners;
         tally all = {0}, last = {0};
-        for (int n = 0; n < 600; n++) {
+        for (int n = 0, count = sample_count(600, RENDERINGS); n < count; n++) {
             g.v.settings.seed = 1 + (uint64_t)n;
             frame f = picture(&g, VISIBILITY_EXACT);
             tally_add(&all, image_mean(&f.image));
@@ -240,7 +240,7 @@ static void unequal_batches(void **state)
         }
         print_message("%d partners: mean %f +- %f\n", partners, tally_mean(&all), tally_error(&all));
         assert_within(&last, expected, 1e-3 * expected, "last pixel"); /* floats, the angle over the pixel */
-        assert_true(tally_error(&last) < 0.05 * expected);
+        assert_true(tally_error(&last) < 0.05 * error_growth(600, RENDERINGS) * expected);
     }
     stage_free(&g);
 }

@@ -571,8 +571,11 @@ static void keys_are_the_same_everywhere(void **state)
     assert_true(sum == 0x59a83995b732d9e6u);
 }
 
-int main(void)
+/* Argument: the one test to run. */
+int main(int argc, char *argv[])
 {
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noisy_walls),
         cmocka_unit_test(units_do_not_matter),

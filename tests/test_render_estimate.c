@@ -77,11 +77,11 @@ static void check_energy(stage *g, visibility_mode mode, float rays, bool lit, c
     tally difference = {0};
     double exact_sum = 0.0;
     ray_counts all = {0};
-    for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+    for (uint64_t seed = 1; seed <= (uint64_t)sample_count(SEEDS, 16); seed++) {
         g->v.settings.seed = seed;
         frame exact = render(g, VISIBILITY_EXACT, rays), few = render(g, mode, rays);
         assert_true(same_images(&exact.seen, &few.seen));
-        exact_sum += energy(&exact) / SEEDS;
+        exact_sum += energy(&exact) / sample_count(SEEDS, 16);
         tally_add(&difference, energy(&few) - energy(&exact));
         all.asked += few.rays.asked, all.traced += few.rays.traced;
         frame_free(&exact);
@@ -94,7 +94,7 @@ static void check_energy(stage *g, visibility_mode mode, float rays, bool lit, c
     assert_true((exact_sum > 0.0) == lit);
     if (!(fabs(mean) <= 3.0 * error))
         fail_msg("%s: energy off by %g of %g, standard error %g", what, mean, exact_sum, error);
-    assert_true(!lit || error < 0.02 * exact_sum); /* else nothing would be seen */
+    assert_true(!lit || error < 0.02 * error_growth(SEEDS, 16) * exact_sum); /* else nothing would be seen */
 }
 
 static const lighting lightings[] = {{"point lights and sun", 0, true, true, false},
@@ -157,7 +157,7 @@ static void samples_of_one_pixel(void **state)
     for (int spp = 128; spp <= 256; spp *= 2) {
         tally difference = {0};
         g.v.settings.spp = spp;
-        for (uint64_t seed = 1; seed <= 1500; seed++) {
+        for (uint64_t seed = 1; seed <= (uint64_t)sample_count(1500, 16); seed++) {
             g.v.settings.seed = seed;
             frame exact = render(&g, VISIBILITY_EXACT, 0.5f), few = render(&g, VISIBILITY_ESTIMATE, 0.5f);
             tally_add(&difference, energy(&few) - energy(&exact));
@@ -227,8 +227,8 @@ static void images_converge(void **state)
     stage g = room(MATERIAL_GLOSSY, 0.5f, 0.5f, &lightings[2]);
     static double sum[SIZE * SIZE], exact_sum[SIZE * SIZE];
     double first = 0.0, last = 0.0;
-    enum { LAST = 256 };
-    for (int n = 1; n <= LAST; n++) {
+    const int count = sample_count(256, 64);
+    for (int n = 1; n <= count; n++) {
         g.v.settings.seed = (uint64_t)n;
         frame exact = render(&g, VISIBILITY_EXACT, 3.0f), few = render(&g, VISIBILITY_ESTIMATE, 3.0f);
         for (int i = 0; i < SIZE * SIZE; i++) {
@@ -240,9 +240,10 @@ static void images_converge(void **state)
         if (n == 16)
             first = image_error(sum, exact_sum, n);
     }
-    last = image_error(sum, exact_sum, LAST);
-    print_message("error of the mean of 16 images %.3f %%, of %d %.3f %%\n", 100.0 * first, LAST, 100.0 * last);
-    assert_true(last < 0.02 && fabs(first / last - 4.0) < 0.6); /* sqrt(256 / 16) */
+    last = image_error(sum, exact_sum, count);
+    print_message("error of the mean of 16 images %.3f %%, of %d %.3f %%\n", 100.0 * first, count, 100.0 * last);
+    double gain = sqrt(count / 16.0);
+    assert_true(last < 0.02 * error_growth(256, 64) && fabs(first / last / gain - 1.0) < 0.15);
     stage_free(&g);
 }
 
@@ -312,19 +313,20 @@ static void ridge(void **state)
         g.v.settings.light_samples = g.v.settings.env_samples = 0;
         tally t = {0};
         double exact_energy = 0.0;
-        for (g.v.settings.seed = 1; g.v.settings.seed <= FRAMES; g.v.settings.seed++) {
+        for (g.v.settings.seed = 1; g.v.settings.seed <= (uint64_t)sample_count(FRAMES, 16); g.v.settings.seed++) {
             /* more is traced than the middle asks for */
             frame exact = render(&g, VISIBILITY_EXACT, 4.0f), estimate;
             g.v.settings.visibility = VISIBILITY_ESTIMATE;
             assert_true(frame_render(&g.v, "test", true, NULL, NULL, &estimate, NULL));
-            exact_energy += energy(&exact) / FRAMES;
+            exact_energy += energy(&exact) / sample_count(FRAMES, 16);
             tally_add(&t, energy(&estimate) - energy(&exact));
             frame_free(&exact);
             frame_free(&estimate);
         }
         print_message("lights %s: %+.3f %% +- %.3f %%\n", above ? "above" : "below",
                       100.0 * tally_mean(&t) / exact_energy, 100.0 * tally_error(&t) / exact_energy);
-        assert_true(fabs(tally_mean(&t)) <= 3.0 * tally_error(&t) && tally_error(&t) < 0.02 * exact_energy);
+        assert_true(fabs(tally_mean(&t)) <= 3.0 * tally_error(&t));
+        assert_true(tally_error(&t) < 0.02 * error_growth(FRAMES, 16) * exact_energy);
         stage_free(&g);
     }
 }
