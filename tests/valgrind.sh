@@ -38,6 +38,7 @@ frame=(cornell --size 20x14 --spp 2 --quiet --json x.json -o x.exr -o x.png)
 for mode in exact cache estimate adaptive; do
     check "whitted, $mode" "$whitted" "${frame[@]}" --vpls 16 --threads 1 --visibility $mode
 done
+check "whitted, grid" "$whitted" "${frame[@]}" --env-lights 16 --env sun:300,45 --threads 1 --visibility grid
 for mode in exact cache estimate; do
     check "bdpt, $mode" "$bdpt" "${frame[@]}" --threads 2 --deterministic --visibility $mode
 done
