@@ -79,8 +79,8 @@ static void *fenced(void *context, size_t size)
 static void release_fenced(void *context, void *memory, size_t size)
 {
     (void)context;
-    for (size_t i = 0; i < FENCE; i++)
-        ENSURE(((unsigned char *)memory)[size + i] == 0xa5);
+    for (const uint8_t *at = (uint8_t *)memory + size, *end = at + FENCE; at < end; at++)
+        ENSURE(*at == 0xa5);
     free(memory);
 }
 
