@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # out_of_memory.sh FAIL_MALLOC RENDERER ...: each allocation of a renderer fails in turn (of the first hundred each one,
-# then a spread): it ends with exit 1 and one line, or does without, and leaves no file that is not whole. Prints TAP.
+# then a spread): it ends with exit 1 and one line, or does without, and leaves no file that is not whole. So it does where
+# the address space is too small for Embree. Prints TAP.
 set -u
 library=$(realpath -- "$1") || exit 1
 shift
@@ -39,6 +40,19 @@ for renderer in "${renderers[@]}"; do
         echo "ok $number - $name: $tried of $count allocations failed, $refused times one line"
     else
         echo "not ok $number - $name: of ${count:-no} allocations $tried tried, $refused refused;${problems:- too few}"
+        bad=1
+    fi
+    number=$((number + 1)) problems=
+    for megabytes in 100 150; do # at some more TBB, inside Embree, ends the process
+        said=$(ulimit -v $((megabytes * 1000)) && exec timeout 60 "$renderer" "${arguments[@]}" 2>&1)
+        rc=$?
+        [[ $rc -eq 1 && $said == "$name: "* && $said != *$'\n'* && -z $(ls) ]] || problems="$problems $megabytes:$rc:$said"
+        rm -f ./*
+    done
+    if [ -z "$problems" ]; then
+        echo "ok $number - $name: one line where the address space is too small"
+    else
+        echo "not ok $number - $name: in a small address space:$problems"
         bad=1
     fi
 done

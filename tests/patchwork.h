@@ -21,6 +21,15 @@ static inline vcache_light_set *make_set(vcache *cache, const vcache_light *ligh
     return set;
 }
 
+/* Nobody holds a row any more. Two writers in one row would leave its version odd, and the row useless for good. */
+static inline bool rows_are_closed(const vcache_light_set *set)
+{
+    for (uint64_t r = 0; r < set->rows; r++)
+        if (atomic_load(&set->memory[r * set->stride + ROW_VERSION]) & 1)
+            return false;
+    return true;
+}
+
 static inline void query_set(vcache_worker *worker, const vcache_eye *eye, vcache_light_set *set, const uint64_t *asked,
                              uint64_t *visible, vcache_trace how, void *context)
 {

@@ -3,6 +3,7 @@
 #include "emitters.h"
 #include "scene_support.h"
 #include "tracer.h"
+#include "triangle.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -254,6 +255,21 @@ static void no_emitters_is_null(void **state)
     scene_free(s);
 }
 
+/* The right normal and the right area at sizes whose squared areas no float can hold. */
+static void normals_at_any_size(void **state)
+{
+    (void)state;
+    for (int e = -50; e <= 50; e += 10)
+        for (int needle = 0; needle < 2; needle++) {
+            float s = ldexpf(1.0f, e), h = needle ? ldexpf(s, -20) : 2.0f * s, area;
+            const vec3 p[3] = {v3(s, 2.0f * s, 3.0f * s), v3(3.0f * s, 2.0f * s, 3.0f * s),
+                               v3(needle ? 3.0f * s : s, 2.0f * s + h, 3.0f * s)};
+            vec3 n = triangle_normal(p, &area);
+            assert_true(n.x == 0.0f && n.y == 0.0f && n.z == 1.0f);
+            assert_true(area == s * h);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -265,6 +281,7 @@ int main(void)
         cmocka_unit_test(mirrored_lights_shine_outwards),
         cmocka_unit_test(no_emitters_is_null),
         cmocka_unit_test(extreme_numbers_stay_in_range),
+        cmocka_unit_test(normals_at_any_size),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -325,6 +325,15 @@ static void full_disk_leaves_nothing(void **state)
             assert_int_equal(files_in_folder(), 1);
             empty_folder();
         }
+    image small = image_new(2, 2); /* it waits in the stream's buffer until the file is closed */
+    for (int format = 0; format < 3; ++format) {
+        tight.rlim_cur = 0;
+        setrlimit(RLIMIT_FSIZE, &tight);
+        bool good = write_image(format, file, &small);
+        setrlimit(RLIMIT_FSIZE, &before);
+        assert_true(!good && files_in_folder() == 0);
+    }
+    image_free(&small);
     for (int format = 0; format < 3; ++format) /* and without the limit all is well */
         assert_true(write_image(format, file, &i));
     signal(SIGXFSZ, SIG_DFL);

@@ -99,6 +99,7 @@ static void fight(int threads, int levels, arena a, uint32_t lights, uint64_t ro
                   (unsigned long long)wrong);
     assert_int_equal(wrong, 0);
     assert_true(asked > traced); /* something was found */
+    assert_true(!a.set || rows_are_closed(a.set));
     vcache_light_set_destroy(&a.set);
     free_patchwork(&a.p);
 }

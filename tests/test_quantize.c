@@ -240,6 +240,45 @@ static void frames(void **state)
     }
 }
 
+/* At every C_N: normals have the same orientation just where they have the same axis, bins are 1 / s wide, and the
+ * orientation leaves room for the step in its word. Asked around the six axes, where the bins have the largest and the
+ * smallest numbers. */
+static void orientations(void **state)
+{
+    (void)state;
+    enum { N = 6 * 25 };
+    for (int bins = 1; bins <= 64; bins++) {
+        vcache *c = box_cache(-1.0f, 1.0f, bins);
+        int s = bins / 2;
+        grid_point keys[N];
+        double m[N][3][3];
+        for (int i = 0; i < N; i++) {
+            const float side[] = {(float)(i % 5 - 2), (float)(i / 5 % 5 - 2)}, up = i / 25 % 2 ? -1.0f : 1.0f;
+            float n[3], within[3], origin[3] = {0.0f, 0.0f, 0.0f};
+            int axis = i / 50;
+            n[axis] = within[axis] = up * (s ? (float)s : 1.0f);
+            for (int k = 0; k < 2; k++)
+                n[(axis + 1 + k) % 3] = side[k], within[(axis + 1 + k) % 3] = 0.2f * side[k];
+            assert_true(quantize_point(c, origin, n, &keys[i]) && keys[i].orientation < 1u << 21);
+            axes_of(c, n, m[i]);
+            grid_point middle, near;
+            n[(axis + 1) % 3] = n[(axis + 2) % 3] = 0.0f;
+            quantize_point(c, origin, n, &middle);
+            quantize_point(c, origin, within, &near);
+            assert_true(near.orientation == middle.orientation);
+        }
+        for (int a = 0; a < N; a++)
+            for (int b = 0; b < a; b++) {
+                double apart = 0.0;
+                for (int k = 0; k < 3; k++)
+                    apart = fmax(apart, fabs(m[a][2][k] - m[b][2][k]));
+                assert_true((keys[a].orientation == keys[b].orientation) == (apart < 1e-9));
+                assert_true(s < 8 || apart > 1e-3);
+            }
+        vcache_destroy(&c);
+    }
+}
+
 /* ---------------------------------------------------------------------------------------------------- planes, tilted
  */
 
@@ -521,12 +560,20 @@ static uint64_t mix_in(uint64_t sum, uint64_t value)
     return (sum ^ value) * 0x100000001b3u;
 }
 
-/* 10,000 ends of every kind under every family and ten configs, into one number. It must come out the same with gcc and
- * clang, with and without optimisation, on every machine; a change of it means that all keys change. */
+static uint64_t mix_double(uint64_t sum, double value)
+{
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return mix_in(sum, bits);
+}
+
+/* 10,000 ends of every kind under every family and ten configs, into one number; and the coordinates behind their keys
+ * into another, which shows a last bit that hardly ever takes a point across the border of its cell. Both must come out
+ * the same with gcc and clang, with and without optimisation, on every machine; a change means that keys change. */
 static void keys_are_the_same_everywhere(void **state)
 {
     (void)state;
-    uint64_t seed = 10, sum = 0xcbf29ce484222325u;
+    uint64_t seed = 10, sum = 0xcbf29ce484222325u, numbers = sum;
     for (int run = 0; run < 10; run++) {
         vcache_config config = box_config(-3.0f, 4.5f + (float)run);
         config.hash = (vcache_hash)(run % 3);
@@ -542,6 +589,10 @@ static void keys_are_the_same_everywhere(void **state)
             }
             vcache_light light;
             if (i % 5 == 0) {
+                grid_point g;
+                assert_true(quantize_point(c, s.position, s.normal, &g));
+                numbers = mix_double(mix_double(mix_double(numbers, g.u), g.v), g.w);
+                numbers = mix_double(mix_double(numbers, g.slope_u), g.slope_v);
                 vcache_eye *eye = make_eye(c, &s, 8.0f, (uint64_t)i % 2);
                 for (uint32_t d = 0; d < eye->levels; d++) {
                     sum = mix_in(sum, eye->level[d].center);
@@ -568,7 +619,8 @@ static void keys_are_the_same_everywhere(void **state)
         vcache_destroy(&c);
     }
     print_message("checksum of keys: 0x%016llx\n", (unsigned long long)sum);
-    assert_true(sum == 0x59a83995b732d9e6u);
+    print_message("checksum of coordinates: 0x%016llx\n", (unsigned long long)numbers);
+    assert_true(sum == 0x59a83995b732d9e6u && numbers == 0x1a26729857f0f6d0u);
 }
 
 /* Argument: the one test to run. */
@@ -581,6 +633,7 @@ int main(int argc, char *argv[])
         cmocka_unit_test(units_do_not_matter),
         cmocka_unit_test(place_does_not_matter),
         cmocka_unit_test(frames),
+        cmocka_unit_test(orientations),
         cmocka_unit_test(tilted_planes),
         cmocka_unit_test(neighbours),
         cmocka_unit_test(resolution_curve),

@@ -207,6 +207,7 @@ static void made_to_collide(void **state)
     assert_non_null(s);
     of_lattice(s);
     check(s);
+    assert_true(s->eyes == EYES && s->patches == PATCHES); /* no two cells, no two lights have one hash */
     free(s);
 }
 

@@ -38,6 +38,12 @@ frame=(cornell --size 20x14 --spp 2 --quiet --json x.json -o x.exr -o x.png)
 for mode in exact cache estimate adaptive; do
     check "whitted, $mode" "$whitted" "${frame[@]}" --vpls 16 --threads 1 --visibility $mode
 done
+{
+    printf '#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n'
+    printf '\200\200\200\200%.0s' {1..7}
+    printf '\377\377\377\203'
+} >"$dir/sky.hdr"
+check "whitted, grid" "$whitted" "${frame[@]}" --env sky.hdr --env-lights 8 --env-samples 0 --vpls 0 --threads 1 --visibility grid --spp 1
 for mode in exact cache estimate; do
     check "bdpt, $mode" "$bdpt" "${frame[@]}" --threads 2 --deterministic --visibility $mode
 done
