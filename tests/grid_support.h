@@ -15,6 +15,7 @@ typedef struct world {
     uint8_t *empty;           /* [pixels] */
     float (*position)[3];     /* [pixels] */
     float distance;           /* of all blockers */
+    float *distances;         /* [pixels][lights] in its place, or NULL */
     uint8_t *traced, *answer; /* [pixels][lights] of the last run */
     vcache_grid_statistics statistics;
 } world;
@@ -55,6 +56,7 @@ static inline void world_free(world *w)
     free(w->object);
     free(w->empty);
     free(w->position);
+    free(w->distances);
 }
 
 static inline size_t pair_at(const world *w, uint32_t x, uint32_t y, uint32_t light)
@@ -104,7 +106,7 @@ static inline void world_run(world *w, const vcache_grid_config *config)
             assert_false(w->traced[at] || w->below[at]);
             w->traced[at] = 1;
             answers[i] = w->blocked[at] ? VCACHE_BLOCKED : VCACHE_VISIBLE;
-            distances[i] = w->distance;
+            distances[i] = w->distances ? w->distances[at] : w->distance;
         }
         vcache_grid_tell(g, answers, distances);
     }
