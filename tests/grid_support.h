@@ -172,4 +172,28 @@ static const float six[3 * SIX] = {1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 1
 #define BESIDE_X (BIT(PY) | BIT(NY) | BIT(PZ) | BIT(NZ))
 #define ALL_SIX ((uint64_t)63)
 
+/* 3 x 3 pixels at spacing 2: the corners begin, then the middle, then the edges. */
+static inline world three(void)
+{
+    return world_new(3, 3, six, NULL, SIX);
+}
+
+static inline void block(world *w, uint32_t x, uint32_t y, uint32_t light)
+{
+    w->blocked[pair_at(w, x, y, light)] = 1;
+}
+
+static inline void block_corners(world *w, uint32_t light)
+{
+    for (uint32_t i = 0; i < 4; i++)
+        block(w, 2 * (i & 1), 2 * (i >> 1), light);
+}
+
+static inline void assert_traced(const world *w, uint32_t x, uint32_t y, uint64_t expected)
+{
+    if (traced_at(w, x, y) != expected)
+        fail_msg("pixel %u %u: traced %02llx, not %02llx", x, y, (unsigned long long)traced_at(w, x, y),
+                 (unsigned long long)expected);
+}
+
 #endif
