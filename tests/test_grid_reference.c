@@ -44,7 +44,7 @@ static void warp(reference *r, uint32_t pixel, const uint32_t *informers, uint32
         if (w->below[at] || r->visible[at])
             continue;
         double d[3], length = 0, best = -2;
-        uint32_t cell = 0;
+        uint32_t into = 0;
         for (int k = 0; k < 3; k++)
             d[k] = r->blocker[at][k] - (double)w->position[pixel][k], length += d[k] * d[k];
         for (uint32_t i = 0; i < n; i++) {
@@ -52,11 +52,11 @@ static void warp(reference *r, uint32_t pixel, const uint32_t *informers, uint32
             for (int k = 0; k < 3; k++)
                 cosine += d[k] * along(w, i, k) / sqrt(length);
             if (cosine > best)
-                best = cosine, cell = i;
+                best = cosine, into = i;
         }
-        if (hits[cell]++ == 0 || best > nearest[cell]) {
-            nearest[cell] = best;
-            memcpy(r->blocker[(size_t)pixel * n + cell], r->blocker[at], sizeof *r->blocker);
+        if (hits[into]++ == 0 || best > nearest[into]) {
+            nearest[into] = best;
+            memcpy(r->blocker[(size_t)pixel * n + into], r->blocker[at], sizeof *r->blocker);
         }
     }
     free(nearest);
