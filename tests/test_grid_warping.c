@@ -55,6 +55,9 @@ static void scanline_uncertainty(void **state)
     const uint64_t traced[9] = {all, all, all, all, 0, around_nx, all, around_pz, around_ny};
     const uint64_t visible[9] = {no_pz, no_pz, all, no_pz, no_nx, all, all, all, all};
     assert_decided(&w, "SWU", traced, visible);
+    block(&w, 2, 1, NX); /* the ray finds a blocker, which from 2 2 lies in -y too: two */
+    const uint64_t found[9] = {no_pz, no_pz, all, no_pz, no_nx, no_nx, all, all, all};
+    assert_decided(&w, "SWU", traced, found);
     world_free(&w);
 
     w = three(); /* blockers are counted, not informers: two of 0 1 and one of 1 0 make three */
@@ -163,6 +166,12 @@ static void grid_uncertainty(void **state)
     const uint64_t more[9] = {all, around_nx, all, around_pz, around_nx, around_ny, all, around_nz, all};
     const uint64_t seen[9] = {no_pz, all, no_pz, all, all, all, no_pz, all, all};
     assert_decided(&w, "GWU,spacing=2", more, seen);
+    /* The ray of the middle finds one at (9, 0, 0): the third in -x for 1 0, alone in +x for 0 1, beside that of 2 0 in
+     * -y for 2 1, and that of 0 2 in -z for 1 2. */
+    block(&w, 1, 1, NX);
+    const uint64_t found[9] = {all, 0, all, all, around_nx, around_ny, all, around_nz, all};
+    const uint64_t then[9] = {no_pz, no_nx, no_pz, all, no_nx, all, no_pz, all, all};
+    assert_decided(&w, "GWU,spacing=2", found, then);
     world_free(&w);
 }
 
