@@ -40,21 +40,37 @@ static stage ring_stage(uint32_t width, uint32_t height, int spp, int lights)
 }
 
 /* A sky that is brighter towards the horizon, a sun of a hundredth of a radian in its halo, clouds, dark ground. */
-static environment *sun_and_sky(void)
+static float sun_and_sky(float u, float v)
 {
-    enum { WIDTH = 512, HEIGHT = 256 };
-    image map = image_new(WIDTH, HEIGHT);
     const vec3 sun = v3_normalize(v3(0.5f, 0.6f, 0.4f));
-    for (uint32_t j = 0; j < HEIGHT; j++)
-        for (uint32_t i = 0; i < WIDTH; i++) {
-            float theta = PI_F * ((float)j + 0.5f) / HEIGHT, phi = 2.0f * PI_F * ((float)i + 0.5f) / WIDTH;
-            vec3 d = v3(sinf(theta) * cosf(phi), cosf(theta), sinf(theta) * sinf(phi));
-            float angle = acosf(fminf(v3_dot(d, sun), 1.0f));
-            float cloud = 1.0f + 0.6f * sinf(7.0f * d.x + 3.0f * d.y) * sinf(9.0f * d.z) * cosf(5.0f * d.y);
-            float e = d.y > 0.0f ? cloud * (0.4f + 0.6f * (1.0f - d.y)) + 3.0f * expf(-angle / 0.08f) : 0.1f;
-            e += angle < 0.01f ? 20000.0f : 0.0f;
-            map.pixels[(size_t)j * WIDTH + i] = v3(0.9f * e, e, d.y > 0.0f ? 1.2f * e : 0.8f * e);
-        }
+    float theta = PI_F * v, phi = 2.0f * PI_F * u;
+    vec3 d = v3(sinf(theta) * cosf(phi), cosf(theta), sinf(theta) * sinf(phi));
+    float angle = acosf(fminf(v3_dot(d, sun), 1.0f));
+    float cloud = 1.0f + 0.6f * sinf(7.0f * d.x + 3.0f * d.y) * sinf(9.0f * d.z) * cosf(5.0f * d.y);
+    float sky = d.y > 0.0f ? cloud * (1.0f - 0.6f * d.y) + 3.0f * expf(-angle / 0.08f) : 0.1f;
+    return angle < 0.01f ? 20000.0f : sky;
+}
+
+/* Two clusters of lamps in a hall. */
+static float lamps(float u, float v)
+{
+    const float lamp[][3] = {
+        {0.2f, 0.3f, 60}, {0.22f, 0.32f, 90}, {0.24f, 0.3f, 60}, {0.6f, 0.2f, 120}, {0.62f, 0.22f, 80}};
+    float e = (v < 0.5f ? 0.6f : 0.15f) * (1.0f + 0.5f * sinf(12.0f * u + 5.0f * v) * sinf(9.0f * v));
+    for (size_t i = 0; i < sizeof lamp / sizeof *lamp; i++)
+        e += fabsf(u - lamp[i][0]) < 0.012f && fabsf(v - lamp[i][1]) < 0.024f ? lamp[i][2] : 0.0f;
+    return e;
+}
+
+static environment *map_of(float (*radiance)(float u, float v), uint32_t height)
+{
+    image map = image_new(2 * height, height);
+    for (uint32_t i = 0; i < 2 * height * height; i++) {
+        float u = ((float)(i % (2 * height)) + 0.5f) / (float)(2 * height),
+              v = ((float)(i / (2 * height)) + 0.5f) / (float)height;
+        float e = radiance(u, v);
+        map.pixels[i] = v3(0.9f * e, e, 1.1f * e);
+    }
     environment *e;
     message err = {{0}};
     if (!environment_from_image(&map, &e, &err))
@@ -166,15 +182,15 @@ static void cells_of_a_map(void **state)
     enum { MOST = 4096 };
     static environment_light lights[MOST];
     static float directions[3 * MOST];
-    environment *sky = sun_and_sky();
+    environment *sky = map_of(sun_and_sky, 256);
     for (uint32_t n = 200; n <= MOST; n += n == 200 ? 800 : 3096) {
         assert_int_equal(environment_lights(sky, n, lights), n);
         uint32_t edges = 0, close = 0;
         for (uint32_t i = 0; i < n; i++) {
             vec3_store(directions + 3 * (size_t)i, lights[i].direction);
-            close += v3_dot(lights[i].direction, lights[0].direction) > 0.99995f; /* the brightest: the sun's */
+            close += v3_dot(lights[i].direction, lights[0].direction) > 0.99995f; /* the first: of the sun */
         }
-        print_message("%u close\n", close);
+        assert_true(close >= (n == 200 ? 2 : 8)); /* stand in it */
         vcache_grid_lights *l;
         char why[VCACHE_MESSAGE_BYTES];
         if (vcache_grid_create_lights(directions, NULL, n, NULL, &l, why) != VCACHE_OK)
@@ -253,9 +269,10 @@ static void torus(void **state)
     (void)state;
     scene *s;
     assert_true(scene_builtin("shapes", &s));
-    s->environment = sun_and_sky();
+    s->environment = map_of(lamps, 128);
     scene_add_environment_lights(s, 60);
-    stage g = stage_new(s, s->cameras[2], 129, 129, 1);
+    camera c = camera_look(s->cameras[2].eye, v3(1.5f, 0.4f, 1.3f), v3(0, 1, 0), 16.0f * PI_F / 180.0f);
+    stage g = stage_new(s, c, 129, 129, 1);
     g.v.settings.env_samples = g.v.settings.light_samples = 0;
     static const char *const names[] = {"SNB", "SNU", "SWU", "SWB", "GNU", "OPT"};
     enum { SNB, SNU, SWU, SWB, GNU, OPT, METHODS };
@@ -268,6 +285,10 @@ static void torus(void **state)
         print_message("%s: %5.2f %% traced, %.4f %% wrong\n", names[m], 100 * o.share, 100 * wrong[m]);
         outcome_free(&o);
     }
+    for (int m = SNB; m <= SWU; m++) /* 50 to 130 times */
+        assert_true(wrong[m] > 20.0 * wrong[OPT] && wrong[m] > 20.0 * wrong[SWB]);
+    assert_true(wrong[SWB] < 2.0 * wrong[OPT]); /* 1.3 */
+    assert_true(wrong[GNU] < wrong[OPT] && wrong[OPT] < 0.0003);
     stage_free(&g);
 }
 
