@@ -239,6 +239,13 @@ static void nearest_blocker(void **state)
     assert_int_equal(visible_at(&w, 2, 0), ALL_SIX & ~BIT(PZ));
     assert_traced(&w, 3, 0, 0);
     assert_int_equal(visible_at(&w, 3, 0), ALL_SIX & ~BIT(PZ));
+
+    w.position[0][0] = -0.1f; /* the same the other way round: the first of two is the nearer, and pixel 1 is told */
+    w.position[4][0] = 0.4f;
+    w.position[1][0] = -0.8f;
+    run_mode(&w, "GWU,spacing=4");
+    assert_traced(&w, 1, 0, 0);
+    assert_int_equal(visible_at(&w, 1, 0), ALL_SIX & ~BIT(PZ));
     world_free(&w);
 }
 
