@@ -9,6 +9,7 @@ Groups of cases (--list shows all), each for four scenes and three maps:
   times/SCENE/MAP/MODE         Table 2: seconds of a frame with 200 lights
   bound/SCENE/MAP/LIGHTS       Table 3: OPT's time against that of tracing its rays and nothing else
   side/SCENE/MAP/METHOD        200 lights: exact, grid, cache and estimate
+  paths/SCENE/MAP/METHOD       the same with 16 paths a pixel, on a quarter of the pixels along each axis
   turn/SCENE/MAP/METHOD        how the error changes while the environment turns
 
 FOLDER holds bunny/bunny.glb and hdri/; made ones stand in for what it lacks.
@@ -35,6 +36,9 @@ METHODS = {"grid-OPT": ["--visibility", "grid=OPT"], "grid-NEAR": ["--visibility
            # C_E of 1 at one path a pixel: next to nothing is shared
            **{f"cache-{x}": ["--visibility", "cache", "--ce-delta", x] for x in ("2", "4", "8")},
            **{f"estimate-{k}": ["--visibility", "estimate", "--select", k] for k in ("8", "24")}}
+DENSE = {**{m: METHODS[m] for m in ("grid-OPT", "grid-NEAR", "cache-4", "cache-8")},
+         "cache-16": ["--visibility", "cache", "--ce-delta", "16"]}
+PATHS = 16  # on a 4 x 4 lattice
 TURNED = ["grid-OPT", "grid-NEAR", "grid-GNU", "cache-2", "cache-4", "estimate-24"]
 STEP, FRAMES = 3, 12  # degrees between frames
 # Table 1, per cent at 50, 100, 200 and 400 lights; Table 2, times faster than TRUE at 200
@@ -130,9 +134,9 @@ def words_of(a, scene):
 
 # ----------------------------------------------------------------------------------------------------------- frames
 
-def command(a, scene, name, lights, *more):
-    return [a.whitted, *words_of(a, scene), "--env", map_file(a, name), "--size", a.size, "--vpls", "0", "--light-samples",
-            "0", "--env-lights", str(lights), "--threads", str(a.threads), *more]
+def command(a, scene, name, lights, *more, size=None):
+    return [a.whitted, *words_of(a, scene), "--env", map_file(a, name), "--size", size or a.size, "--vpls", "0",
+            "--light-samples", "0", "--env-lights", str(lights), "--threads", str(a.threads), *more]
 
 
 def seen(a, words):
@@ -140,8 +144,8 @@ def seen(a, words):
     return public(a, [w.replace(os.path.join(a.scratch, ""), "MADE/") for w in words])
 
 
-def compare(a, case, scene, name, lights, mode, more, runs=1):
-    words = command(a, scene, name, lights, *more)
+def compare(a, case, scene, name, lights, mode, more, runs=1, size=None):
+    words = command(a, scene, name, lights, *more, size=size)
     j = run(words + ["--compare", "--runs", str(runs), "--quiet", "--json", "-"])
     exact, chosen, error, faster = j["exact"], j["mode_run"], j["error"], j["speedup"]
     asked = chosen["rays_asked"]
@@ -181,6 +185,12 @@ def bound(a, scene, name, lights):
 
 def side(a, scene, name, method):
     return compare(a, f"side/{scene}/{name}/{method}", scene, name, a.lights, method, METHODS[method], a.runs)
+
+
+def paths(a, scene, name, method):
+    size = "x".join(str((int(n) + 3) // 4) for n in a.size.split("x"))
+    return compare(a, f"paths/{scene}/{name}/{method}", scene, name, a.lights, method, ["--spp", str(PATHS), *DENSE[method]],
+                   a.runs, size)
 
 
 def turn(a, scene, name, method):
@@ -270,7 +280,9 @@ def report(group, rows):
                          ("its change", "---:", lambda r: percent(r["change"], 4)),
                          ("p99.9 of a pixel", "---:", lambda r: f"{r['change_p999']:.4f}"),
                          ("largest", "---:", lambda r: f"{r['change_max']:.2f}"),
-                         ("light's own change", "---:", lambda r: percent(r["light"], 1))]}[group]
+                         ("light's own change", "---:", lambda r: percent(r["light"], 1))]}
+    columns["paths"] = columns["side"]
+    columns = columns[group]
     print(table(columns, rows), end="\n\n", flush=True)
 
 
@@ -284,6 +296,8 @@ def cases():
         yield from (("bound", *p, n) for n in ("200", "400"))
     for p in places:
         yield from (("side", *p, m) for m in METHODS)
+    for p in places:
+        yield from (("paths", *p, m) for m in DENSE)
     for p in places:
         yield from (("turn", *p, m) for m in TURNED)
 
@@ -300,7 +314,7 @@ def main():
         a.size, a.runs = "49x49", 1
     chosen = parser.choose(a, cases())
     parser.check_whitted(a)
-    kinds = {"rays": rays, "times": times, "bound": bound, "side": side, "turn": turn}
+    kinds = {"rays": rays, "times": times, "bound": bound, "side": side, "paths": paths, "turn": turn}
     failed = done = 0
     with parser.open_csv(a) as out, tempfile.TemporaryDirectory() as a.scratch:
         writer = csv.DictWriter(out, COLUMNS, lineterminator="\n")

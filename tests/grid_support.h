@@ -15,6 +15,7 @@ typedef struct world {
     uint8_t *empty;           /* [pixels] */
     float (*position)[3];     /* [pixels] */
     float distance;           /* of all blockers */
+    float *distances;         /* [pixels][lights] in its place, or NULL */
     uint8_t *traced, *answer; /* [pixels][lights] of the last run */
     vcache_grid_statistics statistics;
 } world;
@@ -55,6 +56,7 @@ static inline void world_free(world *w)
     free(w->object);
     free(w->empty);
     free(w->position);
+    free(w->distances);
 }
 
 static inline size_t pair_at(const world *w, uint32_t x, uint32_t y, uint32_t light)
@@ -104,7 +106,7 @@ static inline void world_run(world *w, const vcache_grid_config *config)
             assert_false(w->traced[at] || w->below[at]);
             w->traced[at] = 1;
             answers[i] = w->blocked[at] ? VCACHE_BLOCKED : VCACHE_VISIBLE;
-            distances[i] = w->distance;
+            distances[i] = w->distances ? w->distances[at] : w->distance;
         }
         vcache_grid_tell(g, answers, distances);
     }
@@ -169,5 +171,29 @@ static const float six[3 * SIX] = {1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 1
 #define BIT(i) ((uint64_t)1 << (i))
 #define BESIDE_X (BIT(PY) | BIT(NY) | BIT(PZ) | BIT(NZ))
 #define ALL_SIX ((uint64_t)63)
+
+/* 3 x 3 pixels at spacing 2: the corners begin, then the middle, then the edges. */
+static inline world three(void)
+{
+    return world_new(3, 3, six, NULL, SIX);
+}
+
+static inline void block(world *w, uint32_t x, uint32_t y, uint32_t light)
+{
+    w->blocked[pair_at(w, x, y, light)] = 1;
+}
+
+static inline void block_corners(world *w, uint32_t light)
+{
+    for (uint32_t i = 0; i < 4; i++)
+        block(w, 2 * (i & 1), 2 * (i >> 1), light);
+}
+
+static inline void assert_traced(const world *w, uint32_t x, uint32_t y, uint64_t expected)
+{
+    if (traced_at(w, x, y) != expected)
+        fail_msg("pixel %u %u: traced %02llx, not %02llx", x, y, (unsigned long long)traced_at(w, x, y),
+                 (unsigned long long)expected);
+}
 
 #endif

@@ -3,30 +3,6 @@
 #include "grid_support.h"
 #include "ledger.h"
 
-/* 3 x 3 pixels at spacing 2: the corners begin, then the middle, then the edges. */
-static world three(void)
-{
-    return world_new(3, 3, six, NULL, SIX);
-}
-
-static void block(world *w, uint32_t x, uint32_t y, uint32_t light)
-{
-    w->blocked[pair_at(w, x, y, light)] = 1;
-}
-
-static void block_corners(world *w, uint32_t light)
-{
-    for (uint32_t i = 0; i < 4; i++)
-        block(w, 2 * (i & 1), 2 * (i >> 1), light);
-}
-
-static void assert_traced(const world *w, uint32_t x, uint32_t y, uint64_t expected)
-{
-    if (traced_at(w, x, y) != expected)
-        fail_msg("pixel %u %u: traced %02llx, not %02llx", x, y, (unsigned long long)traced_at(w, x, y),
-                 (unsigned long long)expected);
-}
-
 /* ---------------------------------------------------------------------------------------------------------- orders */
 
 /* Where all see all, only the pixels that begin are traced. */
@@ -296,7 +272,7 @@ static void horizons(void **state)
     world_free(&w);
 }
 
-/* ------------------------------------------------------------------------------------------------- bright, warping */
+/* ---------------------------------------------------------------------------------------------------------- bright */
 
 static void bright_lights(void **state)
 {
@@ -311,57 +287,6 @@ static void bright_lights(void **state)
     run_mode(&w, "OPT,spacing=2,bright=1"); /* -z is beside +x, which is taken for blocked; it surprises */
     assert_traced(&w, 1, 1, BIT(NZ) | BIT(NX) | BIT(PY) | BIT(NY));
     assert_int_equal(visible_at(&w, 1, 1), ALL_SIX & ~BIT(PX) & ~BIT(NZ));
-    world_free(&w);
-}
-
-/* Blockers one unit above the corners, seen from ten units aside, lie in another cell. */
-static void warping(void **state)
-{
-    (void)state;
-    world w = three();
-    block_corners(&w, PZ);
-    w.position[4][0] = 10.0f;
-    run_mode(&w, "GWU,spacing=2");
-    assert_traced(&w, 1, 1, 0);
-    assert_int_equal(visible_at(&w, 1, 1), ALL_SIX & ~BIT(NX));
-    run_mode(&w, "GNU,spacing=2");
-    assert_int_equal(visible_at(&w, 1, 1), ALL_SIX & ~BIT(PZ));
-    w.distance = INFINITY; /* far away */
-    run_mode(&w, "GWU,spacing=2");
-    assert_int_equal(visible_at(&w, 1, 1), ALL_SIX & ~BIT(PZ));
-    w.distance = 1000.0f;
-    run_mode(&w, "GWU,spacing=2");
-    assert_int_equal(visible_at(&w, 1, 1), ALL_SIX & ~BIT(PZ));
-
-    w.distance = 1.0f; /* one of four */
-    memset(w.blocked, 0, 9 * SIX);
-    block(&w, 2, 2, PZ);
-    run_mode(&w, "GWU,spacing=2");
-    assert_traced(&w, 1, 1, BIT(NX) | BIT(PY) | BIT(NY) | BIT(PZ) | BIT(NZ));
-    run_mode(&w, "GWB,spacing=2"); /* taken for blocked, and traced with its boundary */
-    assert_traced(&w, 1, 1, BIT(NX) | BIT(PY) | BIT(NY) | BIT(PZ) | BIT(NZ));
-    run_mode(&w, "GWB,spacing=2,threshold=1");
-    assert_traced(&w, 1, 1, 0);
-    world_free(&w);
-}
-
-/* Of the blockers in a cell the one nearest to its light is passed on. */
-static void nearest_blocker(void **state)
-{
-    (void)state;
-    world w = world_new(5, 1, six, NULL, SIX);
-    for (uint32_t x = 0; x < 5; x++)
-        block(&w, x, 0, PZ);
-    w.position[0][0] = 0.4f; /* blockers at (0.4, 0, 1) and (-0.1, 0, 1): from the middle the second is nearer to +z */
-    w.position[4][0] = -0.1f;
-    /* pixel 3 has two informers: pixel 4 with (-0.1, 0, 1), pixel 2 with what it kept. From (-3, 0, 0) both lie in the
-     * cell of +x; from (-0.8, 0, 0) (0.4, 0, 1) would lie in that of +x, (-0.1, 0, 1) in that of +z */
-    w.position[3][0] = -0.8f;
-    run_mode(&w, "GWU,spacing=4");
-    assert_traced(&w, 2, 0, 0);
-    assert_int_equal(visible_at(&w, 2, 0), ALL_SIX & ~BIT(PZ));
-    assert_traced(&w, 3, 0, 0);
-    assert_int_equal(visible_at(&w, 3, 0), ALL_SIX & ~BIT(PZ));
     world_free(&w);
 }
 
@@ -498,8 +423,6 @@ int main(void)
         cmocka_unit_test(horizons),
         cmocka_unit_test(near),
         cmocka_unit_test(bright_lights),
-        cmocka_unit_test(warping),
-        cmocka_unit_test(nearest_blocker),
         cmocka_unit_test(names),
         cmocka_unit_test(creation),
         cmocka_unit_test(memory),

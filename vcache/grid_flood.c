@@ -69,7 +69,7 @@ static uint32_t flood(vcache_grid *g, uint32_t at)
     uint64_t *seen = g->scratch, *hidden = grid_row(g->scratch, words, 1);
     uint64_t *beside_seen = grid_row(g->scratch, words, 2), *beside_hidden = grid_row(g->scratch, words, 3);
     uint64_t untraced = 0;
-    bool at_once = !g->config.boundary && !g->config.restricted; /* grid_predict has flooded from what is unclear */
+    bool at_once = grid_at_once(&g->config); /* grid_predict has flooded from what is unclear */
     for (uint32_t w = 0; w < words; w++) {
         uint64_t refuted = todo[w] & (visible[w] ^ predicted[w]) & ~doubtful[w];
         g->statistics.surprises += count_ones(refuted);

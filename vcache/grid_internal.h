@@ -126,6 +126,12 @@ static inline bool grid_any(const uint64_t *row, uint32_t words)
     return all != 0;
 }
 
+/* Whether neighbours of what is doubtful go out with it: any answer floods to them. Not where rounds are counted. */
+static inline bool grid_at_once(const vcache_grid_config *f)
+{
+    return !f->boundary && !f->restricted && f->rounds == 0;
+}
+
 /* grid_predict.c: visibility of pixel `at` of the part as far as others know it, and what is to be traced there. */
 void grid_predict(vcache_grid *g, uint32_t at);
 /* Neighbours of all lights of `of` into `out`. */

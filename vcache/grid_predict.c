@@ -197,7 +197,7 @@ void grid_predict(vcache_grid *g, uint32_t at)
         /* Of what is doubtful any answer is a surprise: its neighbours come along at once. */
         uint64_t *doubtful = grid_row(g->doubtful, words, at), *traced = grid_row(g->traced, words, at);
         uint64_t *predicted = grid_row(g->predicted, words, at), *beside = grid_row(g->scratch, words, 2);
-        if (!f->boundary && !f->restricted && grid_any(doubt_row, words)) {
+        if (grid_at_once(f) && grid_any(doubt_row, words)) {
             grid_neighbours_of(g->lights, doubt_row, beside);
             uint32_t before = grid_count(todo, words);
             for (uint32_t w = 0; w < words; w++)
