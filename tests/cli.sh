@@ -276,6 +276,17 @@ for file in 'a tri.obj' tri.ply tri.glb; do
 done
 finish "OBJ, PLY and GLB without camera and light render, with notices"
 
+for ke in 1e30 1e37; do
+    printf 'newmtl lamp\nKd 0 0 0\nKe %s %s %s\nnewmtl wall\nKd 0.5 0.5 0.5\n' $ke $ke $ke >bright.mtl
+    printf '%s\n' 'mtllib bright.mtl' 'v -1 0 -1' 'v 1 0 -1' 'v 1 0 1' 'v -1 0 1' 'v -1 2 -1' 'v 1 2 -1' 'v 1 2 1' \
+        'v -1 2 1' 'usemtl wall' 'f 4 3 2 1' 'usemtl lamp' 'f 5 6 7 8' >bright.obj
+    run bright.obj --size 16x16 --vpls 4 --spp 1 --look 0,1,3,0,0,0,60 -o bright.exr
+    [[ $rc -eq 0 ]] || problem "Ke $ke: exit $rc ($said)"
+    [[ $ke == 1e37 && $said == *"pixels are infinite or no number"* || $ke == 1e30 && $said != *infinite* ]] ||
+        problem "Ke $ke: $said"
+done
+finish "light that floats cannot hold is said"
+
 good cornell "${tiny[@]}" --visibility grid
 [[ $said == *"notice: --visibility grid decides directional lights, and there is none"* ]] || problem "no notice: $said"
 finish "a grid with nothing to decide says so"

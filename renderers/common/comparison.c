@@ -202,6 +202,9 @@ bool renderer_run(const renderer *r, const program_arguments *a, const image *re
             notice("interrupted: %d of %d pairs of frames", c.runs, runs);
         else if (!a->compare && !c.mode_frame.complete)
             notice("interrupted: image and figures are of a part of the frame");
+        size_t bad = image_not_finite(&c.mode_frame.image);
+        if (bad > 0)
+            notice("%zu pixels are infinite or no number: lights are brighter than floats can hold", bad);
         ok = write_files(&c, err);
     }
     comparison_free(&c);

@@ -111,6 +111,14 @@ image_error image_compare(const image *test, const image *reference)
     return e;
 }
 
+size_t image_not_finite(const image *i)
+{
+    size_t count = 0;
+    for (size_t p = 0; p < (size_t)i->width * i->height; p++)
+        count += !finite_pixel(i->pixels[p]);
+    return count;
+}
+
 image image_difference(const image *test, const image *reference, float scale)
 {
     const rgb none = {0.05f, 0.05f, 0.05f}, full = {1.0f, 0.0f, 0.0f};

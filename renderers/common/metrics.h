@@ -18,6 +18,9 @@ typedef struct image_error {
  * 0 where the image is black as well and infinity elsewhere. */
 image_error image_compare(const image *test, const image *reference);
 
+/* How many of its pixels are infinite or no number. */
+size_t image_not_finite(const image *i);
+
 /* |test - reference| * scale as a grey-to-red false-colour picture. */
 image image_difference(const image *test, const image *reference, float scale);
 /* Pictures of one height side by side with a gap of 4 pixels. */
