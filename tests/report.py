@@ -145,6 +145,10 @@ class Report(unittest.TestCase):
             self.run_it("--runs", "2", "--filter", "^curves/shapes/(estimate|adaptive)/", "--out", folder)
             beside = json.loads(read(os.path.join(folder, "rows.json")))
         self.assertEqual(len(beside), 3)
+        repeated = [r["figures"] for r in alone.values() if "frames_s" in r["figures"]]
+        self.assertGreater(len(repeated), 10)
+        for f in repeated:
+            self.assertEqual(f["mode_run"]["frame_s"], statistics.median_high(f["frames_s"]))
         for r in beside:
             a, b = r["point"], alone[r["id"]]["point"]
             self.assertNotIn("exact", alone[r["id"]]["figures"])

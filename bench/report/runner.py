@@ -116,6 +116,20 @@ def figures_of(a, programs, case):
     return figures
 
 
+SHORT = 5.0  # seconds: what takes less is soon repeated, and soon disturbed
+
+
+def measured(a, programs, case):
+    """Its figures; of a frame alone that takes little, those of the median of several."""
+    start = time.monotonic()
+    several = [figures_of(a, programs, case)]
+    if time.monotonic() - start < SHORT and "mode_run" in several[0] and "exact" not in several[0]:
+        several += [figures_of(a, programs, case) for _ in range(1, a.level.repeated)]
+        several.sort(key=lambda f: f["mode_run"]["frame_s"])
+    figures = several[len(several) // 2]
+    return {**figures, "frames_s": [f["mode_run"]["frame_s"] for f in several]} if len(several) > 1 else figures
+
+
 def duration(seconds):
     seconds = int(seconds + 0.5)
     if seconds < 60:
@@ -171,7 +185,7 @@ def run_all(a, programs, cases, rows):
                 lacking = next((n for n in case.needs if rows.get(rows.cases[n]) is None), None)
                 if lacking:
                     raise Failure(f"needs {lacking}")
-                figures = figures_of(a, programs, case)
+                figures = measured(a, programs, case)
                 rows.add(case, figures, time.monotonic() - start)
             except Failure as e:
                 progress.end()
