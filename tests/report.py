@@ -22,6 +22,7 @@ from report import methods, svg  # noqa: E402
 from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
+from report.parameters import verdict  # noqa: E402
 
 VOID = {"meta", "img", "input", "br", "link"}
 # digits that are no measurements: settings, axes, names, commands
@@ -322,14 +323,33 @@ class Points(unittest.TestCase):
             return row("cache", frame, error)
 
         selection, estimate = row("selection", 3, 0.01), row("estimate", 4, 0.01)
+        exact = row("limit", 9, 0)
+        exact["point"]["noise"] = 1.1
         for points, said in (([cache(4), selection], "None"), ([cache(2), row("selection", 3, 0.03)], "None"),
+                             ([cache(2), selection, estimate], "None"),
                              ([cache(2), selection], "<b>the cache loses</b>: fastest is stochastic"),
-                             ([selection], "nothing that uses the cache gets there"),
-                             ([cache(2), selection, estimate], "plain cache loses to stochastic"),
-                             ([cache(0.8), estimate], "plain cache is slower than exact"),
-                             ([cache(0.8)], "nothing is faster than exact"),
-                             ([cache(2, 0.05)], "nothing that was tried gets there")):
-            self.assertIn(said, str(Entry({r["id"]: r for r in points}, "room", 0.02).sentence()))
+                             ([selection], "no setting of the cache that was tried gets there"),
+                             ([cache(1.05)], "nothing that was tried is faster than exact by more than"),
+                             ([cache(2, 0.05), cache(3, 0.06)], "nearest with the cache is cache (")):
+            entry = Entry({r["id"]: r for r in [exact, *points]}, "room", 0.02)
+            self.assertIn(said, str(entry.sentence()))
+        self.assertRegex(entry.sentence(), "nearest.*5.00 %")
+        self.assertIsNone(Entry({r["id"]: r for r in [exact, cache(1.05)]}, "room", 0.02).winner)
+
+    def test_what_is_better_in_each_scene_corrects_a_default(self):
+        def of(default, *values):
+            rows = [{"id": str(v), "labels": {"words": str(v)},
+                     "figures": {"value": v, "equal_rays": r, "equal_time": 1.0}} for v, r in values]
+            ours = {"id": "d", "labels": {"words": "default"},
+                    "figures": {"value": default, "equal_rays": 1.0, "equal_time": 1.0}}
+            return [ours, *rows]
+
+        for a, b, said in ((0.9, 0.8, "the default is corrected</b> as to rays, in each"),
+                           (1.0, 0.8, "the default stands"), (0.97, 0.98, "the default is confirmed"), (1.3, 1.2, "the default is confirmed")):
+            for parameter in ("cn", "cache-mb"):
+                found = verdict({}, parameter, {"one": of(8, (4, a)), "two": of(8, (4, b))}, 1.1)
+                trade = parameter == "cache-mb" and "corrected" in said
+                self.assertIn("a trade" if trade else said, found)
 
 
 class Plots(unittest.TestCase):

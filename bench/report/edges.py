@@ -92,7 +92,7 @@ def crops(a, row):
     refined = [way for way in ways if "-" not in way]
     parts = "".join(f'<div class="row crops">{"".join(map(enlarged, some))}</div>'
                     for some in (refined, [way for way in ways if way not in refined]))
-    place = '<p>Where they differ most, pixel by pixel and enlarged: ' \
+    place = '<p class="plot">Where they differ most, pixel by pixel and enlarged: ' \
             f'{number(row, "figures.side", "plain")} pixels a side at ({number(row, "figures.x", "plain")}, ' \
             f'{number(row, "figures.y", "plain")}), C_E = ' \
             f'{number(row, "figures.ce", "plain")}.</p>'
@@ -115,8 +115,9 @@ def scene_section(a, scene, own):
         columns += [(f, lambda i, f=f, form=form, r=r: number(r, f"figures.ways.{i}.{f}", form)) for f, form in COLUMNS]
         figures += table(columns, range(len(ways)))
     caption = f"{name(scene)}: {setting(own[0])}; {number(shown, 'figures.ways.0.edges', 'count')} places on edges " \
-              f"at C_E = {number(shown, 'figures.ce', 'plain')}, which are those of the first plot. Shifts " \
-              "to the right and down are positive; hollow: not refined."
+              f"at C_E = {number(shown, 'figures.ce', 'plain')}" \
+              '<span class="plot">, which are those of the first plot</span>. Shifts to the right and down are ' \
+              'positive<span class="plot">; hollow: not refined</span>.'
     inside = f'<div class="row">{"".join(drawn)}</div>{crops(a, shown)}'
     inside += f"<details><summary>figures</summary>{figures}</details>"
     return f"<h3>{name(scene)}</h3>" + figure(inside, caption, own)

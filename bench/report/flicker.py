@@ -62,7 +62,11 @@ def verdict(rows, row):
     if "unrefined" in m["figures"]:
         lines.append(f'without refinement {number(m, "figures.unrefined", "times")} as much')
     lines.append(f'emptied, its error changes {number(m, "figures.of_light", "times")} as much as the light itself')
-    return f'<p>Means over C_E: {"; ".join(lines)}.</p>'
+    noisy = [f'with {number(row, f"figures.ways.{i}.value", "plain")} rays '
+             f'{number(row, f"figures.ways.{i}.change", "percent")}'
+             for i, w in enumerate(row["figures"]["ways"]) if w["name"] == "estimate"]
+    noise = f' The estimate\'s noise is new in each frame: it changes by {", ".join(noisy)}.' if noisy else ""
+    return f'<p>The plain cache, means over C_E: {"; ".join(lines)}.{noise}</p>'
 
 
 def one(a, rows, row):

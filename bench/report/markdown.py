@@ -21,7 +21,7 @@ class Tree(html.parser.HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        node = (tag, [])
+        node = ("svg" if ("class", "plot") in attrs else tag, [])  # words about a plot go with it
         self.stack[-1][1].append(node)
         if tag not in VOID:
             self.stack.append(node)
@@ -93,7 +93,7 @@ def document(a, sections):
     head = f"""# Figures of the report
 
 Written by `./report --scenes FOLDER` as `figures.md`, from the rows of which its page is made: the page has plots and
-pictures besides ("left", "hollow", "below" speak of them), and says for each number which row it is.
+pictures besides, and says for each number which row it is.
 [report.md](report.md) explains what is measured and how. Machine: {a.machine}."""
     return "\n\n".join([head, *(f"## {title}\n\n{markdown(inside)}" for anchor, title, inside in sections
                                 if anchor not in ("pictures", "seeing"))]) + "\n"

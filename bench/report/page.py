@@ -122,7 +122,9 @@ def page(a, sections):
 <h1>vcache: speed against error</h1>
 <p class="lead">How much faster a frame becomes by the visibility cache and by its rivals, and how wrong. In all plots
 of speed <b>up and left is better</b>; the yellow band joins what nothing else beats. Errors are against the exact image
-of the same samples unless said otherwise; exact is the fastest arrangement of rays we know.</p>
+of the same samples unless said otherwise: <code>l_inf</code> (so named by Popov et al., no maximum) is the sum of
+absolute differences over the sum of the light that is shadow-tested. Exact is the fastest arrangement of rays that
+we know.</p>
 <nav>{links}</nav>
 {body}
 <footer><h2>Where the numbers come from</h2>

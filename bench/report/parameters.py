@@ -100,8 +100,9 @@ def verdict(rows, parameter, of, spread):
         for r in scene_rows:
             if r["figures"].get("equal_rays") and r["figures"].get("equal_time"):
                 means.setdefault((r["figures"]["value"], r["labels"]["words"] == "default"), []).append(r["figures"])
+    means_of = {v: figures for v, figures in means.items() if len(figures) == len(of)}
     means = {v: {k: statistics.geometric_mean(f[k] for f in figures) for k in ("equal_rays", "equal_time")}
-             for v, figures in means.items() if len(figures) == len(of)}
+             for v, figures in means_of.items()}
     if len(means) < 2:
         return None
     best = {k: min(means, key=lambda v, k=k: means[v][k]) for k in ("equal_rays", "equal_time")}
@@ -115,11 +116,17 @@ def verdict(rows, parameter, of, spread):
            f'default\'s), the least time with {number(row, "figures.equal_time_at", "plain")} ' \
            f'({number(row, "figures.equal_time", "times")}): '
     same = {"equal_rays": SAME, "equal_time": max(SAME, (spread or 1.0) ** 2)}
-    good = [k for k in best if same[k] * figures[k] >= 1.0]
-    if len(good) == 2:
-        return said + "<b>the default is confirmed</b>, nothing is better by more than what counts as the same."
-    lacking = " and ".join({"equal_rays": "rays", "equal_time": "time"}[k] for k in best if k not in good)
-    return said + f"<b>the default is corrected</b> as to {lacking}."
+    # better in the mean; and in each scene
+    better = {k for k in best if same[k] * figures[k] < 1.0}
+    sure = {k for k in better if all(same[k] * f[k] < 1.0 for f in means_of[best[k]])}
+    if sure and parameter == "cache-mb":
+        return said + "more memory always saves rays: a trade, no correction."
+    if sure:
+        lacking = " and ".join({"equal_rays": "rays", "equal_time": "time"}[k] for k in best if k in sure)
+        return said + f"<b>the default is corrected</b> as to {lacking}, in each scene."
+    if better:
+        return said + "not in each scene by more than what counts as the same: <b>the default stands</b>."
+    return said + "<b>the default is confirmed</b>, nothing is better by more than what counts as the same."
 
 
 def parameter_section(a, rows, scenes, parameter, spread):

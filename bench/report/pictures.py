@@ -47,8 +47,9 @@ def one(a, row):
     slider = f'<div class="slider">{exact}<span class="over">{other}</span><input type="range" min="0" max="100" ' \
              'value="50" aria-label="exact to the left, the method to the right"></div>'
     beside = shown(error, "eight times the difference") + shown(flip, "FLIP: black is alike")
-    caption = f"{name(scene)}: exact left of the line, {name(method)} right of it. Whole image: l_inf " \
-              f"{number(row, 'figures.l_inf', 'percent')}, FLIP {number(row, 'figures.flip', 'flip')}, HDR-FLIP " \
+    caption = f"{name(scene)}: exact left of the line, {name(method)} right of it. Whole image, what is seen " \
+              f"directly included: l_inf {number(row, 'figures.l_inf', 'percent')}, FLIP " \
+              f"{number(row, 'figures.flip', 'flip')}, HDR-FLIP " \
               f"{number(row, 'figures.flip_hdr', 'flip')}. Below the worst places, found by FLIP: exact, method, FLIP."
     inside = f'<div class="row">{slider}<div class="small">{beside}</div></div>{zooms(a, row, prefix)}'
     return f"<h3>{name(scene)}: {name(method)}</h3>" + figure(inside, caption, [row])

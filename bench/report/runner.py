@@ -75,9 +75,12 @@ class Rows:
         return hashlib.sha256("\n".join(said).encode()).hexdigest()[:16]
 
     def get(self, case):
-        """Its row, None where there is none or the command, the program or a file is another one by now."""
+        """Its row, None where there is none, or too short a one, or the command, the program or a file is another one
+        by now."""
         row = self.rows.get(case.id)
         same = row and row.get("key") == self.key(case)
+        if same and self.a.level.repeated > 1 and short(case, row["figures"], row["wall_s"]):
+            same = "frames_s" in row["figures"]
         return row if same and all(os.path.exists(os.path.join(self.a.out, f)) for f in case.makes) else None
 
     def add(self, case, figures, seconds):
@@ -119,11 +122,17 @@ def figures_of(a, programs, case):
 SHORT = 5.0  # seconds: what takes less is soon repeated, and soon disturbed
 
 
+def short(case, figures, seconds):
+    """Whether it is of a frame alone that took little. (Of `converged` each is one of many points of a curve.)"""
+    alone = "mode_run" in figures and "exact" not in figures
+    return alone and seconds < SHORT and case.labels["section"] == "curves"
+
+
 def measured(a, programs, case):
     """Its figures; of a frame alone that takes little, those of the median of several."""
     start = time.monotonic()
     several = [figures_of(a, programs, case)]
-    if time.monotonic() - start < SHORT and "mode_run" in several[0] and "exact" not in several[0]:
+    if short(case, several[0], time.monotonic() - start):
         several += [figures_of(a, programs, case) for _ in range(1, a.level.repeated)]
         several.sort(key=lambda f: f["mode_run"]["frame_s"])
     figures = several[len(several) // 2]
