@@ -237,6 +237,12 @@ static void refuses_bad_values(void **state)
     s = square_scene();
     scene_add_camera(s, camera_look(v3(0, 0, 0), v3(0, 0, 1), v3(0, 1, 0), 0));
     assert_refused(s, "camera 0");
+    s = square_scene(); /* Embree takes no rays that begin or point so far away */
+    scene_add_camera(s, camera_look(v3(0, -1e30f, 0), v3(0, 0, 1), v3(1, 0, 0), 1));
+    assert_refused(s, "camera 0: lies beyond 1e+12 units");
+    s = square_scene();
+    scene_add_light(s, (light){.kind = LIGHT_POINT, .position = {0, 0, 1e30f}, .intensity = {1, 1, 1}});
+    assert_refused(s, "light 0: lies beyond 1e+12 units");
 }
 
 static void grows(void **state)
