@@ -370,8 +370,11 @@ static bool count_instances(scene *s, message *err)
 
 static bool has_light(const scene *s)
 {
-    if (s->environment || s->light_count)
+    if (s->environment)
         return true;
+    for (uint32_t i = 0; i < s->light_count; i++)
+        if (v3_max_component(s->lights[i].intensity) > 0.0f)
+            return true;
     for (uint32_t i = 0; i < s->instance_count; i++)
         if (v3_max_component(s->materials[s->meshes[s->instances[i].mesh].material].emission) > 0.0f)
             return true;
