@@ -97,7 +97,7 @@ clean_failure 2 "twice" cornell --compare -o out/x.png --picture out/x.png
 clean_failure 2 "x.jpg" cornell -o out/a.png -o out/x.jpg
 clean_failure 2 "out/x" cornell -o out/x
 clean_failure 2 "x.exr" cornell --compare --picture out/x.exr
-for look in 0,0,0,0,0,0,50 1,2,3,1,2,3,50 0,0,0,0,0,1,0 0,0,0,0,0,1,180 0,0,0,0,0,1,-5 0,0,0,0,0,0,0; do
+for look in 0,0,0,0,0,0,50 1,2,3,1,2,3,50 0,0,0,0,0,1,0 0,0,0,0,0,1,180 0,0,0,0,0,1,-5 0,0,0,0,0,0,0 1e30,0,0,0,0,1,50 0,0,0,0,0,-2e12,50; do
     clean_failure 2 "--look" cornell "--look=$look" -o out/x.exr
 done
 clean_failure 2 "--select does without" cornell --select 4 --visibility exact --store words

@@ -117,6 +117,11 @@ static void other_files_are_refused(void **state)
     expect_refusal(in_folder("absent.exr"), "No such file");
     expect_refusal(image_folder, "not a regular file");
     char file[512];
+    strcpy(file, in_folder("pipe.hdr"));
+    assert_int_equal(mkfifo(file, 0600), 0);
+    alarm(20); /* nobody writes to it */
+    expect_refusal(file, "not a regular file");
+    alarm(0);
     strcpy(file, in_folder("x.hdr"));
     static const struct {
         const char *text, *words;

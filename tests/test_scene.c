@@ -134,7 +134,8 @@ static void adds_a_sky_only_to_the_dark(void **state)
     assert_null(s->environment);
     scene_free(s);
 
-    s = square_scene(); /* an emissive material that nothing wears gives no light */
+    s = square_scene(); /* an emissive material that nothing wears gives no light, nor does a lamp that is off */
+    scene_add_light(s, (light){.kind = LIGHT_POINT});
     scene_add_material(s, s->materials[0]);
     s->materials[1].emission = v3(9, 9, 9);
     assert_true(scene_finish(s, &err));
@@ -237,6 +238,12 @@ static void refuses_bad_values(void **state)
     s = square_scene();
     scene_add_camera(s, camera_look(v3(0, 0, 0), v3(0, 0, 1), v3(0, 1, 0), 0));
     assert_refused(s, "camera 0");
+    s = square_scene(); /* Embree takes no rays that begin or point so far away */
+    scene_add_camera(s, camera_look(v3(0, -1e30f, 0), v3(0, 0, 1), v3(1, 0, 0), 1));
+    assert_refused(s, "camera 0: lies beyond 1e+12 units");
+    s = square_scene();
+    scene_add_light(s, (light){.kind = LIGHT_POINT, .position = {0, 0, 1e30f}, .intensity = {1, 1, 1}});
+    assert_refused(s, "light 0: lies beyond 1e+12 units");
 }
 
 static void grows(void **state)

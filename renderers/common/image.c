@@ -6,10 +6,12 @@
 #include "scene.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 image image_new(uint32_t width, uint32_t height)
 {
@@ -171,14 +173,17 @@ static bool hdr_decode(const unsigned char *data, size_t size, image *out, messa
 
 static unsigned char *read_all(const char *path, size_t *size, message *err)
 {
-    FILE *f = fopen(path, "rb");
+    int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC); /* a pipe would wait for its writer, through signals too */
+    FILE *f = fd < 0 ? NULL : fdopen(fd, "rb");
     if (!f) {
         fail(err, "cannot read %s: %s", path, strerror(errno));
+        if (fd >= 0)
+            close(fd);
         return NULL;
     }
     struct stat info;
     unsigned char *data = NULL;
-    if (fstat(fileno(f), &info) != 0 || !S_ISREG(info.st_mode)) {
+    if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
         fail(err, "cannot read %s: not a regular file", path);
     } else if (!(data = malloc((size_t)info.st_size + 1))) {
         fail(err, "cannot read %s: no memory for its %lld bytes", path, (long long)info.st_size);

@@ -47,6 +47,9 @@ static bool check_look(const float l[7], message *err)
         return true;
     if (!(l[6] > 0.0f && l[6] < 180.0f))
         return fail(err, "--look: the field of view must be between 0 and 180 degrees, not %g", (double)l[6]);
+    for (int i = 0; i < 6; i++)
+        if (!(fabsf(l[i]) <= SCENE_MAX_DISTANCE))
+            return fail(err, "--look: %g lies beyond %g units", (double)l[i], (double)SCENE_MAX_DISTANCE);
     if (!(v3_length(v3_sub(v3(l[3], l[4], l[5]), v3(l[0], l[1], l[2]))) > 0.0f))
         return fail(err, "--look: the camera stands where it looks at");
     return true;

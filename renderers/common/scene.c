@@ -186,6 +186,11 @@ static bool finite3(vec3 v)
     return isfinite(v.x) && isfinite(v.y) && isfinite(v.z);
 }
 
+static bool near_enough(vec3 v)
+{
+    return fabsf(v.x) <= SCENE_MAX_DISTANCE && fabsf(v.y) <= SCENE_MAX_DISTANCE && fabsf(v.z) <= SCENE_MAX_DISTANCE;
+}
+
 static bool colour_ok(rgb c)
 {
     return finite3(c) && c.x >= 0.0f && c.y >= 0.0f && c.z >= 0.0f;
@@ -218,6 +223,8 @@ static bool check_lights_and_cameras(const scene *s, message *err)
         bool aimed = l->kind == LIGHT_POINT || unit(l->direction);
         if (!colour_ok(l->intensity) || !placed || !aimed)
             return fail(err, "%s: light %u: bad intensity, position or direction", label(s), i);
+        if (l->kind != LIGHT_DIRECTIONAL && !near_enough(l->position))
+            return fail(err, "%s: light %u: lies beyond %g units", label(s), i, (double)SCENE_MAX_DISTANCE);
         if (l->kind == LIGHT_SPOT && !(l->cos_outer >= -1.0f && l->cos_outer <= l->cos_inner && l->cos_inner <= 1.0f))
             return fail(err, "%s: light %u: bad cone angles", label(s), i);
         if (l->power > LIGHT_POWER_MAX)
@@ -227,6 +234,8 @@ static bool check_lights_and_cameras(const scene *s, message *err)
         const camera *c = &s->cameras[i];
         if (!finite3(c->eye) || !unit(c->forward) || !unit(c->up) || !(c->yfov > 0.0f && c->yfov < PI_F))
             return fail(err, "%s: camera %u: bad position, direction or field of view", label(s), i);
+        if (!near_enough(c->eye))
+            return fail(err, "%s: camera %u: lies beyond %g units", label(s), i, (double)SCENE_MAX_DISTANCE);
     }
     return true;
 }
@@ -361,8 +370,11 @@ static bool count_instances(scene *s, message *err)
 
 static bool has_light(const scene *s)
 {
-    if (s->environment || s->light_count)
+    if (s->environment)
         return true;
+    for (uint32_t i = 0; i < s->light_count; i++)
+        if (v3_max_component(s->lights[i].intensity) > 0.0f)
+            return true;
     for (uint32_t i = 0; i < s->instance_count; i++)
         if (v3_max_component(s->materials[s->meshes[s->instances[i].mesh].material].emission) > 0.0f)
             return true;

@@ -53,6 +53,8 @@ typedef struct instance {
 typedef enum light_kind { LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL } light_kind;
 
 #define LIGHT_POWER_MAX 31
+/* Lights and cameras lie no farther from the origin: rays are ended by Embree where squares leave float's range. */
+#define SCENE_MAX_DISTANCE 1e12f
 
 typedef struct light {
     light_kind kind;
