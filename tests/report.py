@@ -345,7 +345,8 @@ class Points(unittest.TestCase):
             return [ours, *rows]
 
         for a, b, said in ((0.9, 0.8, "the default is corrected</b> as to rays, in each"),
-                           (1.0, 0.8, "the default stands"), (0.97, 0.98, "the default is confirmed"), (1.3, 1.2, "the default is confirmed")):
+                           (1.0, 0.8, "the default stands"), (0.97, 0.98, "the default is confirmed"),
+                           (1.3, 1.2, "the default is confirmed")):
             for parameter in ("cn", "cache-mb"):
                 found = verdict({}, parameter, {"one": of(8, (4, a)), "two": of(8, (4, b))}, 1.1)
                 trade = parameter == "cache-mb" and "corrected" in said

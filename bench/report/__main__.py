@@ -85,10 +85,13 @@ def parse():
 
 
 def machine():
-    """The processor, as it calls itself."""
+    """The processor, as it calls itself, and its widest vectors, as names may say little."""
     try:
         with open("/proc/cpuinfo") as f:
-            model = next(line.split(":", 1)[1].strip() for line in f if line.startswith("model name"))
+            lines = dict(line.split(":", 1) for line in f if ":" in line)
+        model = next(v.strip() for k, v in lines.items() if k.strip() == "model name")
+        flags = next((v.split() for k, v in lines.items() if k.strip() == "flags"), [])
+        model += next((f", {words}" for flag, words in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), "")
     except (OSError, StopIteration):
         model = platform.processor() or platform.machine()
     return f"{model}, {os.cpu_count()} CPUs"
