@@ -187,7 +187,7 @@ static inline void assert_no_bias(stage *g, int seeds, const char *what)
         frame_free(&other);
     }
     print_message("%s: estimates differ by %.5f +- %.5f\n", what, tally_mean(&t), tally_error(&t));
-    if (!(fabs(tally_mean(&t)) <= error_limit() * tally_error(&t)))
+    if (!(fabs(tally_mean(&t)) <= 3.0 * tally_error(&t)))
         fail_msg("%s: estimates differ by %f +- %f", what, tally_mean(&t), tally_error(&t));
 }
 
@@ -236,7 +236,7 @@ static inline void assert_same_mean(const tally *a, const tally *b, const char *
     double difference = tally_mean(a) - tally_mean(b), error = hypot(tally_error(a), tally_error(b));
     print_message("%s: %f, %f, standard error %f (%.2f)\n", what, tally_mean(a), tally_mean(b), error,
                   difference / error);
-    if (!(fabs(difference) <= error_limit() * error))
+    if (!(fabs(difference) <= 3.0 * error))
         fail_msg("%s: %f and %f, standard error %f", what, tally_mean(a), tally_mean(b), error);
 }
 

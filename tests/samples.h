@@ -27,13 +27,6 @@ static inline double error_growth(int all, int least)
     return sqrt((double)all / (double)sample_count(all, least));
 }
 
-/* Standard errors that a mean may be off. Of a part of the samples, which are others, more: their own standard error is
- * known less well (16 of them: 4 is as likely as 3.3 of many), and whoever runs all of them holds to 3. */
-static inline double error_limit(void)
-{
-    return sample_part() > 1 ? 4.0 : 3.0;
-}
-
 /* Of similar cases in a row all, or every second one. */
 static inline int case_step(void)
 {
