@@ -68,7 +68,7 @@ def difference(thing):
     kept = [w for w in before if w not in after] or before
     new = [w for w in after if w not in before]
     if not new:
-        return f"without {options(kept)}"
+        return f"default, without {options(kept)}"
     # a value alone is nothing without its option
     return options([w for i, w in enumerate(after) if w in new or (i + 1 < len(after) and after[i + 1] in new)])
 

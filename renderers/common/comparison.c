@@ -204,7 +204,7 @@ bool renderer_run(const renderer *r, const program_arguments *a, const image *re
             notice("interrupted: image and figures are of a part of the frame");
         size_t bad = image_not_finite(&c.mode_frame.image);
         if (bad > 0)
-            notice("%zu pixels are infinite or no number: lights are brighter than floats can hold", bad);
+            notice("%zu pixels are infinite or no number: light or scale is beyond what floats hold", bad);
         ok = write_files(&c, err);
     }
     comparison_free(&c);
