@@ -134,8 +134,13 @@ static void adds_a_sky_only_to_the_dark(void **state)
     assert_null(s->environment);
     scene_free(s);
 
-    s = square_scene(); /* an emissive material that nothing wears gives no light, nor does a lamp that is off */
+    s = square_scene(); /* a lamp that is off is meant to be */
     scene_add_light(s, (light){.kind = LIGHT_POINT});
+    assert_true(scene_finish(s, &err));
+    assert_null(s->environment);
+    scene_free(s);
+
+    s = square_scene(); /* an emissive material that nothing wears gives no light */
     scene_add_material(s, s->materials[0]);
     s->materials[1].emission = v3(9, 9, 9);
     assert_true(scene_finish(s, &err));

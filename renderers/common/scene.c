@@ -368,7 +368,7 @@ static bool count_instances(scene *s, message *err)
     return ok;
 }
 
-static bool has_light(const scene *s)
+static bool shines(const scene *s)
 {
     if (s->environment)
         return true;
@@ -421,7 +421,9 @@ bool scene_finish(scene *s, message *err)
         scene_add_camera(s, framing_camera(s));
         notice("%s: no camera; added one that frames the scene", label(s));
     }
-    if (!has_light(s)) {
+    if (!shines(s) && s->light_count > 0) { /* as somebody wanted it */
+        notice("%s: all lights have intensity 0", label(s));
+    } else if (!shines(s)) {
         s->environment = environment_uniform(v3(1, 1, 1));
         notice("%s: no light; added a uniform white sky", label(s));
     }
