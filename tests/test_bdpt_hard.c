@@ -170,7 +170,7 @@ static void thin_walls(void **state)
     const struct {
         float ce;
         double leak; /* at most, of the lit room's light, on common planes */
-    } cases[] = {{0.01f, 0.0}, {1, 0.002}, {4, 0.01}, {12, 0.05}, {100, 1.0}, {1000, 1.0}};
+    } cases[] = {{0.01f, 0.0}, {1, 0.0005}, {4, 0.005}, {12, 0.02}, {100, 0.005}, {1000, 0.0}};
     for (int kind = ROOM_LAMP; kind <= ROOM_POINT; kind++)
         for (int turned = 0; turned < 2; turned++) {
             stage g = two_rooms(kind, turned);

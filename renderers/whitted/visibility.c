@@ -15,6 +15,7 @@ struct visibility {
     vcache_light *sampled; /* [CHUNK][samples], in the order in which they ask */
     uint16_t *order;       /* [CHUNK][samples]: which they are */
     pair_bits ordered;     /* their bits */
+    uint64_t *again;       /* [CHUNK][words] of virtual lights: who asks a second time */
     char *eyes;            /* [CHUNK][3] */
     chunk *chunk;
     tile_pixels *pixels;
@@ -245,6 +246,28 @@ static void prepare_eyes(visibility *o, chunk *c, tile_pixels *pixels)
     }
 }
 
+/* In the dark weak lights are all there is: an eye sample that sees none of those which were refined asks again for
+ * what it sees, with all of them refined. */
+static void refine_dark(visibility *o, chunk *c)
+{
+    pair_bits *b = &c->bits[LIGHTS_VIRTUAL], again = *b;
+    again.refine = NULL;
+    again.asked = o->again;
+    for (uint32_t e = 0; e < c->count; e++) {
+        size_t row = (size_t)e * b->words;
+        uint64_t strong = 0, weak = 0;
+        for (size_t w = row; w < row + b->words; w++) {
+            strong |= b->visible[w] & b->refine[w];
+            weak |= b->visible[w];
+        }
+        if (strong || !weak)
+            continue;
+        memcpy(o->again + row, b->visible + row, b->words * sizeof(uint64_t));
+        add_all(o, eye_at(o, e, 0), o->caches->virtual_ends, o->caches->virtual_set, &again, e);
+    }
+    vcache_resolve(o->worker, trace_misses, o);
+}
+
 static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
 {
     const settings *f = &o->view->settings;
@@ -257,6 +280,8 @@ static void resolve_cached(visibility *o, chunk *c, tile_pixels *pixels)
                     e);
     }
     vcache_resolve(o->worker, trace_misses, o);
+    if (o->caches->virtual_set && c->bits[LIGHTS_VIRTUAL].refine)
+        refine_dark(o, c);
     if (f->ce_samples > 0.0f)
         take_sampled(o, c);
     vcache_statistics s = {.size = sizeof s};
@@ -310,6 +335,7 @@ visibility *visibility_new(const view *v, const vpl_set *vpls, const caches *use
                              .words = words,
                              .asked = xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t)),
                              .visible = xcalloc((size_t)CHUNK * words + 1, sizeof(uint64_t))};
+    o->again = xcalloc((size_t)CHUNK * (vpls->padded / 64 + 1), sizeof(uint64_t));
     if (vcache_worker_create(used->table, NULL, &o->worker, NULL) != VCACHE_OK)
         o->worker = xmalloc(SIZE_MAX);
     return o;
@@ -325,6 +351,7 @@ void visibility_free(visibility *o)
     free(o->order);
     free(o->ordered.asked);
     free(o->ordered.visible);
+    free(o->again);
     free(o);
 }
 
