@@ -22,7 +22,7 @@ typedef struct grid_policy {
     around_cells around;
     eye_order order;
     /* contributions are unoccluded ones, relative to the mean over the lights that face the eye sample */
-    float refine_above; /* pairs of less are not refined */
+    float refine_above; /* pairs of less are not refined (by whitted: but in the dark) */
     float finer_above;  /* pairs of more start one level finer */
     float power;        /* > 0: the start cell's side is C_E contribution^-power, at most 4 C_E */
     int deeper;         /* with power: refined at most so many levels below the start cell */

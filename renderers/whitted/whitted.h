@@ -60,7 +60,7 @@ typedef struct settings {
     uint32_t grid_block;     /* lattice pixels a side; 0: the whole image */
     float rays;              /* mean per eye sample, where few are traced */
     float ce;                /* C_E of virtual point lights; of the finest cells where few rays are traced */
-    float refine_above;  /* virtual point lights below this times the eye sample's mean contribution are not refined */
+    float refine_above;  /* virtual point lights below this times an eye sample's mean are refined in the dark alone */
     float ce_delta;      /* of point, spot and directional lights; 0: these are traced */
     float ce_samples;    /* of area and environment samples; 0: these are traced */
     vcache_config cache; /* C_N, C_Z, C_R, levels, bytes, hash; bounds are the scene's */
