@@ -527,7 +527,7 @@ else
     finish "SIGINT ends rendering and what is done is written"
 
     # one tile that takes minutes
-    start cornell --size 32x32 --spp 512 --vpls 8192 --compare --threads 1 -o out/x.exr --json out/x.json
+    start cornell --size 32x32 --spp 512 --vpls 2048 --compare --runs 2 --threads 1 -o out/x.exr --json out/x.json
     kill -TERM "$child"
     reap
     [[ $rc -eq 143 && $said == "notice: interrupted: "* ]] || problem "exit $rc instead of 143 ($said)"
@@ -539,6 +539,17 @@ else
     [[ $(lines stdout) -eq 2 && $(<stdout) == *"(interrupted)" ]] || problem "the table is of a whole frame"
     finish "SIGTERM within a tile of a comparison compares nothing"
     rm -rf out && mkdir out
+
+    # within the small pair that warms up: what comes then would be black
+    start cornell --size 32x32 --spp 512 --vpls 8192 --compare --threads 1 -o out/x.exr --json out/x.json
+    kill -TERM "$child"
+    reap
+    [[ $rc -eq 143 && $said == "notice: interrupted before the first pixel: nothing is written|" ]] ||
+        problem "exit $rc instead of 143 ($said)"
+    [[ ! -s stdout ]] || problem "a table of nothing"
+    nothing_left "before the first pixel"
+    finish "SIGTERM before the first pixel writes nothing"
+    interrupt_loading
 fi
 
 # --- no space ---
