@@ -290,6 +290,15 @@ for intensity in 0 1; do
 done
 finish "lights that are all off are said"
 
+mkdir pipes
+mkfifo pipes/a.mtl
+printf '%s\n' 'mtllib a.mtl' 'v 0 0 0' 'v 1 0 0' 'v 0 1 0' 'f 1 2 3' >pipes/a.obj
+good pipes/a.obj "${tiny[@]}"
+[[ $said == *"notice: pipes/a.obj: pipes/a.mtl: not a regular file|"* ]] || problem "no notice ($said)"
+sed -E 's/"uri":"[^"]*"/"uri":"a.mtl"/' lamp.gltf >pipes/a.gltf
+clean_failure 1 a.mtl pipes/a.gltf "${tiny[@]}" --quiet
+finish "named pipes that a scene names are not waited for"
+
 for ke in 1e30 1e37; do
     printf 'newmtl lamp\nKd 0 0 0\nKe %s %s %s\nnewmtl wall\nKd 0.5 0.5 0.5\n' $ke $ke $ke >bright.mtl
     printf '%s\n' 'mtllib bright.mtl' 'v -1 0 -1' 'v 1 0 -1' 'v 1 0 1' 'v -1 0 1' 'v -1 2 -1' 'v 1 2 -1' 'v 1 2 1' \
