@@ -174,6 +174,10 @@ static bool render_whitted(way *w, const image *exact, const image *lattice, mes
         frame_free(&f);
         return false;
     }
+    if (!f.complete) {
+        frame_free(&f);
+        return fail(err, "interrupted");
+    }
     w->rays.asked += f.rays.asked;
     w->rays.traced += f.rays.traced;
     temporal_add(&w->sums, w->kind == WAY_GRID ? lattice : exact, &f.lit);
@@ -192,7 +196,7 @@ static bool render_frame(sequence *s, uint32_t *eye_count, message *err)
     if (s->lattice) {
         view v = of->view;
         v.settings.lattice = true;
-        ok = frame_render(&v, "", true, NULL, NULL, &lattice, err);
+        ok = frame_render(&v, "", true, NULL, NULL, &lattice, err) && (lattice.complete || fail(err, "interrupted"));
     }
     for (int i = 0; i < s->count && ok; i++) {
         way *w = &s->ways[i];

@@ -290,6 +290,15 @@ for intensity in 0 1; do
 done
 finish "lights that are all off are said"
 
+mkdir pipes
+mkfifo pipes/a.mtl
+printf '%s\n' 'mtllib a.mtl' 'v 0 0 0' 'v 1 0 0' 'v 0 1 0' 'f 1 2 3' >pipes/a.obj
+good pipes/a.obj "${tiny[@]}"
+[[ $said == *"notice: pipes/a.obj: pipes/a.mtl: not a regular file|"* ]] || problem "no notice ($said)"
+sed -E 's/"uri":"[^"]*"/"uri":"a.mtl"/' lamp.gltf >pipes/a.gltf
+clean_failure 1 a.mtl pipes/a.gltf "${tiny[@]}" --quiet
+finish "named pipes that a scene names are not waited for"
+
 for ke in 1e30 1e37; do
     printf 'newmtl lamp\nKd 0 0 0\nKe %s %s %s\nnewmtl wall\nKd 0.5 0.5 0.5\n' $ke $ke $ke >bright.mtl
     printf '%s\n' 'mtllib bright.mtl' 'v -1 0 -1' 'v 1 0 -1' 'v 1 0 1' 'v -1 0 1' 'v -1 2 -1' 'v 1 2 -1' 'v 1 2 1' \
@@ -527,7 +536,7 @@ else
     finish "SIGINT ends rendering and what is done is written"
 
     # one tile that takes minutes
-    start cornell --size 32x32 --spp 512 --vpls 8192 --compare --threads 1 -o out/x.exr --json out/x.json
+    start cornell --size 32x32 --spp 512 --vpls 2048 --compare --runs 2 --threads 1 -o out/x.exr --json out/x.json
     kill -TERM "$child"
     reap
     [[ $rc -eq 143 && $said == "notice: interrupted: "* ]] || problem "exit $rc instead of 143 ($said)"
@@ -539,6 +548,17 @@ else
     [[ $(lines stdout) -eq 2 && $(<stdout) == *"(interrupted)" ]] || problem "the table is of a whole frame"
     finish "SIGTERM within a tile of a comparison compares nothing"
     rm -rf out && mkdir out
+
+    # within the small pair that warms up: what comes then would be black
+    start cornell --size 32x32 --spp 512 --vpls 8192 --compare --threads 1 -o out/x.exr --json out/x.json
+    kill -TERM "$child"
+    reap
+    [[ $rc -eq 143 && $said == "notice: interrupted before the first pixel: nothing is written|" ]] ||
+        problem "exit $rc instead of 143 ($said)"
+    [[ ! -s stdout ]] || problem "a table of nothing"
+    nothing_left "before the first pixel"
+    finish "SIGTERM before the first pixel writes nothing"
+    interrupt_loading
 fi
 
 # --- no space ---

@@ -152,6 +152,9 @@ else
     read_json out/y.json
     [[ ${figure[mode_run.passes]} -ge 2 ]] || problem "nothing to go on from"
     finish "SIGINT at the start of --resume leaves a file to go on from"
+
+    rm -rf out && mkdir out
+    interrupt_loading
 fi
 
 tap_end

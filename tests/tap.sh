@@ -150,17 +150,25 @@ steady_figures() {
 python=$(command -v python3) || python=
 [[ $python ]] && ! "$python" -c 'import json' 2>/dev/null && python=
 
-# Shells start background jobs with SIGINT ignored, which the program respects.
+ticks=$(getconf CLK_TCK)
+
+# Starts the program in the background, as $child, and waits until it is into the rendering: it handles signals, and has
+# used $settle (7) tenths of a second of CPU, however much else the machine does. Shells start background jobs with SIGINT
+# ignored, which the program respects.
 start() {
     env --default-signal=INT,TERM "$program" "$@" >stdout 2>stderr &
     child=$!
-    local i status
+    local i status fields
     for i in {1..200}; do
         status=$(cat "/proc/$child/status" 2>/dev/null) || break
         [[ $status =~ SigCgt:[[:space:]]*([0-9a-f]+) ]] && ((16#${BASH_REMATCH[1]} & 2)) && break
         sleep 0.05
     done
-    sleep 0.7 # into the rendering
+    for i in {1..400}; do
+        read -ra fields < <(sed 's/.*) //' "/proc/$child/stat" 2>/dev/null) || break
+        ((fields[11] + fields[12] < ticks * ${settle-7} / 10)) || break
+        sleep 0.05
+    done
 }
 
 # Waits for the child: its exit status in rc, milliseconds in waited; killed after 20 s.
@@ -181,6 +189,33 @@ reap() {
     child=
     waited=$(($(date +%s%3N) - begin))
     read_said
+}
+
+# SIGINT comes while a scene is read that takes longer than a second: older files are as they were, no new one is there.
+interrupt_loading() {
+    awk 'BEGIN { for (i = 0; i < 100000; i++)
+        printf "v %d %d %d\nv %d.5 %d 0\nv %d 1 %d\nf -3 -2 -1\n", i % 100, i % 7, i % 13, i % 100, i % 11, i % 17, i % 5 }' >many.obj
+    local quiet settle=0
+    for quiet in '' --quiet; do
+        echo older >out/old.exr
+        echo older >out/old.json
+        # shellcheck disable=SC2086
+        start many.obj --size 64x64 --look 50,5,50,50,0,0,60 -o out/old.exr -o out/new.png --json out/old.json $quiet
+        kill -INT "$child"
+        reap
+        [[ $rc -eq 130 ]] || problem "exit $rc instead of 130 ($said)"
+        if [[ $quiet ]]; then
+            [[ ! -s stdout && ! -s stderr ]] || problem "--quiet is not quiet ($said)"
+        else
+            [[ ! -s stdout && ${said_lines[-1]} == "notice: interrupted before the first pixel: nothing is written"* ]] ||
+                problem "this is not said ($said)"
+        fi
+        [[ $(<out/old.exr) == older && $(<out/old.json) == older ]] || problem "an older file is gone"
+        rm -f out/old.exr out/old.json
+        nothing_left "interrupted while loading"
+    done
+    rm many.obj
+    finish "SIGINT while a scene is read leaves all files as they are"
 }
 
 tap_end() {

@@ -2,6 +2,10 @@
 /* Connections of bidirectional path tracing by the cache: sizes of cells, units, bias, threads, going on. */
 #include "bdpt_support.h"
 
+#include "interrupt.h"
+
+#include <signal.h>
+
 static stage room(int kind)
 {
     return cached_stage(room_scene(kind), room_camera(), 32, 24, 16);
@@ -271,6 +275,22 @@ static void time_is_up(void **state)
 }
 
 /* Argument: the one test to run. */
+/* Nothing in place of a black image. Last: it stays interrupted. */
+static void interrupted_before_it_begins(void **state)
+{
+    (void)state;
+    interrupt_install();
+    raise(SIGINT);
+    for (int mode = VISIBILITY_EXACT; mode < VISIBILITY_MODES; mode++)
+        for (int turns = 0; turns < 2; turns++) {
+            stage g = room(ROOM_LAMP);
+            g.v.settings.threads = 2, g.v.settings.deterministic = turns > 0;
+            frame f = stage_frame(&g, (visibility_mode)mode, NULL);
+            assert_true(!f.image.pixels && !f.seen.pixels && !f.complete);
+            stage_free(&g);
+        }
+}
+
 int main(int argc, char *argv[])
 {
     if (argc > 1)
@@ -284,6 +304,7 @@ int main(int argc, char *argv[])
         cmocka_unit_test(threads_change_nothing),
         cmocka_unit_test(going_on),
         cmocka_unit_test(time_is_up),
+        cmocka_unit_test(interrupted_before_it_begins),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

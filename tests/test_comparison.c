@@ -10,6 +10,8 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/wait.h>
+#include <unistd.h>
 #include <cmocka.h> /* after ours: it defines a macro fail() */
 
 enum { WIDTH = 7, HEIGHT = 5, PIXELS = WIDTH * HEIGHT };
@@ -19,7 +21,8 @@ typedef struct fake {
     int count;
     bool lit;    /* frames have it */
     int fails;   /* the frame, from 1, that cannot be rendered */
-    int signals; /* the frame that is interrupted */
+    int signals; /* the frame that is interrupted, */
+    bool blank;  /* before its first pixel */
 } fake;
 
 /* Values that no 16-bit float holds. */
@@ -36,6 +39,10 @@ static bool fake_render(void *context, const frame_request *wanted, frame *out, 
     f->asked[f->count++] = *wanted;
     if (f->count == f->fails)
         return (fail)(err, "no frame"); /* ours, not the macro */
+    if (f->count == f->signals && !interrupted()) /* a second one kills */
+        raise(SIGINT);
+    if (interrupted() && f->blank)
+        return true;
     out->image = image_new(wanted->width, wanted->height);
     for (int i = 0; i < (int)(wanted->width * wanted->height); i++)
         out->image.pixels[i] = pixel(i, wanted->exact);
@@ -46,9 +53,7 @@ static bool fake_render(void *context, const frame_request *wanted, frame *out, 
     out->rays = (ray_counts){100, wanted->exact ? 100 : 25};
     out->mispredicted = wanted->count ? 3 : 50;
     out->extra = xcalloc(1, sizeof(int));
-    out->complete = f->count != f->signals;
-    if (!out->complete && !interrupted()) /* a second one kills */
-        raise(SIGINT);
+    out->complete = !interrupted();
     return true;
 }
 
@@ -238,6 +243,47 @@ static void no_frame_no_file(void **state)
     }
 }
 
+/* Runs pairs of frames, the given one of them interrupted, in a process of its own, which stays so. True where two
+ * older files are as they were afterwards, or are files of an exact frame. */
+static bool interrupted_leaves(int runs, int at, bool blank, bool files)
+{
+    static const char old[] = "older";
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        interrupt_install();
+        fake f = {.signals = at, .blank = blank};
+        renderer r = fake_renderer(&f);
+        r.texts = fake_texts;
+        program_arguments a = arguments(runs);
+        put_bytes(json_path, old, sizeof old);
+        put_bytes(exr_path, old, sizeof old);
+        bool ok = renderer_run(&r, &a, NULL, NULL) && f.count == at && interrupted();
+        if (files)
+            ok = ok && file_holds(json_path, "\"complete\":\tfalse") && file_holds(exr_path, "exact");
+        else
+            ok = ok && file_holds(json_path, old) && file_holds(exr_path, old);
+        _exit(ok ? 0 : 1);
+    }
+    int status;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+static void interrupted_before_the_first_pixel(void **state)
+{
+    (void)state;
+    assert_true(interrupted_leaves(0, 1, true, false)); /* alone */
+    assert_true(interrupted_leaves(1, 1, true, false)); /* in the small pair */
+    assert_true(interrupted_leaves(1, 2, false, false));
+    assert_true(interrupted_leaves(1, 3, true, false));
+    assert_true(interrupted_leaves(1, 3, false, true));
+    assert_true(interrupted_leaves(1, 4, true, true)); /* the exact frame is whole */
+    assert_true(interrupted_leaves(5, 1, true, false));
+    assert_true(interrupted_leaves(5, 1, false, true));
+    assert_true(interrupted_leaves(5, 2, true, true));
+}
+
 /* Last: it stays interrupted. */
 static void interrupted_in_a_pair(void **state)
 {
@@ -252,20 +298,15 @@ static void interrupted_in_a_pair(void **state)
     assert_true(cJSON_IsTrue(cJSON_GetObjectItemCaseSensitive(j, "complete")));
     assert_true(figure(j, "exact", "frame_s") == 8.0);
     cJSON_Delete(j);
-
-    f = (fake){.signals = 1}; /* a frame is begun all the same */
-    j = run(&r, &a, NULL);
-    assert_int_equal(f.count, 1);
-    assert_true(cJSON_IsFalse(cJSON_GetObjectItemCaseSensitive(j, "complete")) && !has(j, "error"));
-    cJSON_Delete(j);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(image_alone),      cmocka_unit_test(one_pair_after_a_small_one),
-        cmocka_unit_test(several_pairs),    cmocka_unit_test(mispredictions_that_nobody_counts),
-        cmocka_unit_test(no_frame_no_file), cmocka_unit_test(interrupted_in_a_pair),
+        cmocka_unit_test(image_alone),           cmocka_unit_test(one_pair_after_a_small_one),
+        cmocka_unit_test(several_pairs),         cmocka_unit_test(mispredictions_that_nobody_counts),
+        cmocka_unit_test(no_frame_no_file),      cmocka_unit_test(interrupted_before_the_first_pixel),
+        cmocka_unit_test(interrupted_in_a_pair),
     };
     notice_enable(false);
     return cmocka_run_group_tests(tests, folder_setup, folder_teardown);

@@ -2,6 +2,10 @@
 /* The same picture bit for bit, and the same rays, whatever the number of threads is and however they are scheduled. */
 #include "render_support.h"
 
+#include "interrupt.h"
+
+#include <signal.h>
+
 static const int thread_counts[] = {2, 3, 7};
 
 typedef struct mode {
@@ -91,8 +95,26 @@ static void memory_runs_out(void **state)
     stage_free(&g);
 }
 
+/* Nothing in place of a black image. Last: it stays interrupted. */
+static void interrupted_before_it_begins(void **state)
+{
+    (void)state;
+    stage g = mixed_stage(64, 64, 1);
+    interrupt_install();
+    raise(SIGINT);
+    g.v.settings.tolerance = 0.1f, g.v.settings.certainty = 0.5f;
+    g.v.settings.lattice = true;
+    assert_true(grid_parse(NULL, &g.v.settings, NULL));
+    for (int m = 0; m < VISIBILITY_MODES; m++) {
+        frame f = render(&g, &(mode){.visibility = (visibility_mode)m, .bytes = 1 << 20}, 2);
+        assert_true(!f.image.pixels && !f.lit.pixels && !f.complete);
+    }
+    stage_free(&g);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(same_with_any_threads), cmocka_unit_test(memory_runs_out)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(same_with_any_threads), cmocka_unit_test(memory_runs_out),
+                                       cmocka_unit_test(interrupted_before_it_begins)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -61,6 +61,34 @@ static void not_a_file(void **state)
 #define ONE "'scenes':[{'nodes':[0]}],'nodes':[{'mesh':0}],"
 #define MESH "'meshes':[{'primitives':[{" PRIMITIVE "}]}]"
 
+/* Nobody writes to a pipe that a scene names: a scene that can do without is read, any other is refused. */
+static void named_pipes(void **state)
+{
+    files *f = *state;
+    message err;
+    char pipe[128], text[4096], json[2048];
+    const char *triangle = "usemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    snprintf(pipe, sizeof pipe, "%s/pipe.obj", f->folder);
+    assert_int_equal(mkfifo(pipe, 0600), 0);
+    alarm(20);
+    assert_refused(pipe, "not a regular file");
+    snprintf(text, sizeof text, "mtllib pipe.obj\n%s", triangle);
+    assert_true(survives(write_text(f, "library.obj", text), &err));
+    write_text(f, "texture.mtl", "newmtl a\nmap_Kd pipe.obj\n");
+    snprintf(text, sizeof text, "mtllib texture.mtl\n%s", triangle);
+    assert_true(survives(write_text(f, "texture.obj", text), &err));
+
+    json[frame_json(ONE MESH, json, sizeof json)] = 0;
+    const char *buffer = strstr(json, "172}");
+    assert_non_null(buffer);
+    snprintf(text, sizeof text, "%.*s172,\"uri\":\"%s\"%s", (int)(buffer - json), json, "square.bin", buffer + 3);
+    write_file(f, "square.bin", f->bin, sizeof f->bin);
+    assert_true(survives(write_text(f, "square.gltf", text), &err));
+    snprintf(text, sizeof text, "%.*s172,\"uri\":\"%s\"%s", (int)(buffer - json), json, "pipe.obj", buffer + 3);
+    assert_refused(write_text(f, "pipe.gltf", text), "pipe.obj");
+    alarm(0);
+}
+
 static void bad_geometry(void **state)
 {
     files *f = *state;
@@ -221,8 +249,9 @@ const char *__lsan_default_suppressions(void)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(not_a_file), cmocka_unit_test(bad_geometry), cmocka_unit_test(bad_structure),
-        cmocka_unit_test(bad_ranges), cmocka_unit_test(bad_ply),      cmocka_unit_test(damaged_files),
+        cmocka_unit_test(not_a_file),  cmocka_unit_test(bad_geometry), cmocka_unit_test(bad_structure),
+        cmocka_unit_test(bad_ranges),  cmocka_unit_test(bad_ply),      cmocka_unit_test(damaged_files),
+        cmocka_unit_test(named_pipes),
     };
     notice_enable(false);
     return cmocka_run_group_tests(tests, open_folder, close_folder);

@@ -29,6 +29,7 @@ static void add(image *mean, const image *pass, float share)
 void film_add(film *f, const image *pass, const image *seen)
 {
     float share = 1.0f / (float)++f->passes;
+    f->begun = true;
     add(&f->mean, pass, share);
     if (f->seen.pixels)
         add(&f->seen, seen, share);

@@ -14,6 +14,7 @@ typedef struct film {
     image normal;
     float *depth;
     uint32_t passes;
+    bool begun; /* something is in the mean */
 } film;
 
 film film_new(uint32_t width, uint32_t height);
@@ -26,7 +27,7 @@ typedef struct passes passes;
 passes *passes_new(const view *v, vcache *cache, film *out);
 void passes_free(passes *p);
 /* Adds pass `index`, whose random numbers are its own. False where it was interrupted: it is left out then, but for the
- * first, of which the film has a part and counts none. */
+ * first, of which the film has the part that is done, if any, and counts none. */
 bool passes_render(passes *p, uint32_t index);
 /* Depth and normal alone, of the first pass, where one goes on from later ones. False where it was interrupted. */
 bool passes_first_hits(passes *p);

@@ -20,6 +20,7 @@ typedef struct station {
     connection_visibility *visibility;
     float threshold;               /* of estimates */
     double visibility_s, asking_s; /* the latter is a part of it */
+    bool drew;                     /* has finished a batch */
 } station;
 
 typedef struct splat {
@@ -211,6 +212,7 @@ static void ask(station *s, float *threshold)
 
 static void finish(passes *p, station *s, piece *q)
 {
+    s->drew = true;
     const batch *b = s->batch;
     connections *c = &s->connections;
     double start = now();
@@ -272,6 +274,14 @@ static void render_in_turn(void *context, int thread, size_t index)
     }
 }
 
+static bool drew(const passes *p)
+{
+    bool any = false;
+    for (int i = 0; i < p->threads; i++)
+        any = any || p->stations[i].drew;
+    return any;
+}
+
 bool passes_render(passes *p, uint32_t index)
 {
     film *out = p->film;
@@ -284,7 +294,7 @@ bool passes_render(passes *p, uint32_t index)
         parallel_for(p->threads, p->tile_count, render_tile, p);
     }
     bool complete = !interrupted();
-    if (!complete && out->passes > 0)
+    if (!complete && (out->passes > 0 || !drew(p)))
         return false;
     for (size_t i = 0; i < p->piece_count; i++)
         for (size_t k = 0; k < p->pieces[i].count; k++) {

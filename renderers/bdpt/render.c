@@ -54,6 +54,7 @@ static film begin(const settings *f, const film *start)
     if (start) {
         memcpy(out.mean.pixels, start->mean.pixels, (size_t)f->width * f->height * sizeof(rgb));
         out.passes = start->passes;
+        out.begun = true;
         image_free(&out.seen);
     }
     return out;
@@ -133,7 +134,7 @@ bool bdpt_render(const view *given, const film *start, const char *title, bool q
                    .extra = extra};
     vcache_destroy(&cache);
     pilot_free(ahead);
-    if (!ok)
+    if (!ok || !f.begun)
         frame_free(out);
     return ok;
 }

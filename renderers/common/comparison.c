@@ -129,8 +129,7 @@ static bool run_pairs(comparison *c, int runs, message *err)
     bool ok = true, count = c->renderer->mispredictions;
     if (runs == 1)
         ok = warm_up(c, err);
-    /* interrupted before the first pair: it is begun all the same, so that there is a picture to write */
-    for (int i = runs > 1 ? -1 : 0; i < runs && ok && (!interrupted() || !frame_begun(&c->exact_frame)); i++) {
+    for (int i = runs > 1 ? -1 : 0; i < runs && ok && !interrupted(); i++) {
         ok = render_pair(c, c->arguments->size, count, err);
         if (!ok || interrupted())
             break;
@@ -191,7 +190,9 @@ bool renderer_run(const renderer *r, const program_arguments *a, const image *re
         notice("no --output: the image will not be kept");
     int runs = a->runs ? a->runs : 1;
     bool ok = a->compare ? run_pairs(&c, runs, err) : run_single(&c, err);
-    if (ok) {
+    if (ok && !frame_begun(comparison_frame(&c))) {
+        notice("interrupted before the first pixel: nothing is written");
+    } else if (ok) {
         if (a->reference)
             compare_with(&c, reference);
         if (!a->quiet)

@@ -38,7 +38,8 @@ typedef struct renderer {
     const scene *scene;
     const char *mode;    /* the chosen visibility, as files name it; the other one is "exact" */
     bool mispredictions; /* can be counted */
-    /* Fills *out, which is empty; interrupted, with what there is. Both visibilities take the same random numbers. */
+    /* Fills *out, which is empty; interrupted, with what there is (before the first pixel: nothing). Both visibilities
+     * take the same random numbers. */
     bool (*render)(void *context, const frame_request *wanted, frame *out, message *err);
     /* The row of a frame of the chosen visibility in the table, at most 19 characters; without it the mode. */
     void (*name)(const void *context, const frame *f, char *out, size_t size);
@@ -54,7 +55,8 @@ typedef struct renderer {
 
 /* Renders as the arguments say: one frame, or with --compare pairs exact, chosen, exact, chosen ... after a pair to
  * warm up (a small one where there is one pair alone). Prints the table, with errors against `reference` where the
- * arguments name one, and writes all files. Interrupted, it stops early with what there is. */
+ * arguments name one, and writes all files. Interrupted, it stops early with what there is; where that is nothing, no
+ * file is touched. */
 bool renderer_run(const renderer *r, const program_arguments *a, const image *reference, message *err);
 
 /* ", 1,234 lights"; `what` in the singular. */

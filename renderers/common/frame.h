@@ -22,7 +22,7 @@ typedef struct frame {
     double lights_s; /* part of frame_s that made the lights */
     ray_counts rays;
     uint64_t cache_bytes, mispredicted, eye_samples;
-    bool complete; /* false where it was interrupted */
+    bool complete; /* false where it was interrupted; all is empty where that was before the first pixel */
     void *extra;   /* what the renderer counts besides, from malloc; NULL: nothing */
 } frame;
 

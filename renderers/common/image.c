@@ -3,15 +3,13 @@
  * run-length coded picture that is cut off, and it shows damaged ones as if they were whole. */
 #include "image.h"
 #include "image_files.h"
+#include "regular_file.h"
 #include "scene.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 image image_new(uint32_t width, uint32_t height)
 {
@@ -173,27 +171,20 @@ static bool hdr_decode(const unsigned char *data, size_t size, image *out, messa
 
 static unsigned char *read_all(const char *path, size_t *size, message *err)
 {
-    int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC); /* a pipe would wait for its writer, through signals too */
-    FILE *f = fd < 0 ? NULL : fdopen(fd, "rb");
+    message why;
+    FILE *f = regular_open(path, size, &why);
     if (!f) {
-        fail(err, "cannot read %s: %s", path, strerror(errno));
-        if (fd >= 0)
-            close(fd);
+        fail(err, "cannot read %s: %s", path, why.text);
         return NULL;
     }
-    struct stat info;
-    unsigned char *data = NULL;
-    if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
-        fail(err, "cannot read %s: not a regular file", path);
-    } else if (!(data = malloc((size_t)info.st_size + 1))) {
-        fail(err, "cannot read %s: no memory for its %lld bytes", path, (long long)info.st_size);
-    } else {
-        *size = fread(data, 1, (size_t)info.st_size, f);
-        if (*size != (size_t)info.st_size) {
-            fail(err, "cannot read %s: %s", path, ferror(f) ? strerror(errno) : "the file changed");
-            free(data);
-            data = NULL;
-        }
+    size_t wanted = *size;
+    unsigned char *data = malloc(wanted + 1);
+    if (!data) {
+        fail(err, "cannot read %s: no memory for its %zu bytes", path, wanted);
+    } else if ((*size = fread(data, 1, wanted, f)) != wanted) {
+        fail(err, "cannot read %s: %s", path, ferror(f) ? strerror(errno) : "the file changed");
+        free(data);
+        data = NULL;
     }
     fclose(f);
     return data;

@@ -3,17 +3,18 @@
  * from scene_gltf.c. PLY files are read by scene_ply.c. */
 #include "scene_import.h"
 
+#include "regular_file.h"
+#include "scene_io.h"
+
 #include <assimp/ObjMaterial.h>
 #include <assimp/cimport.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
-#include <errno.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/stat.h>
 
 #define NO_INDEX UINT32_MAX
 
@@ -32,26 +33,23 @@ typedef struct import {
 
 /* --- Files --- */
 
-static FILE *open_regular(const char *path, size_t *size, message *err)
+/* That has anything in it. */
+static FILE *open_scene(const char *path, size_t *size, message *err)
 {
-    struct stat info;
-    FILE *f = NULL;
-    if (stat(path, &info) != 0)
-        fail(err, "%s: %s", path, strerror(errno));
-    else if (!S_ISREG(info.st_mode))
-        fail(err, "%s: not a regular file", path);
-    else if (info.st_size == 0)
-        fail(err, "%s: the file is empty", path);
-    else if (!(f = fopen(path, "rb")))
-        fail(err, "%s: %s", path, strerror(errno));
-    else
-        *size = (size_t)info.st_size;
-    return f;
+    message why;
+    FILE *f = regular_open(path, size, &why);
+    if (!f)
+        fail(err, "%s: %s", path, why.text);
+    if (!f || *size > 0)
+        return f;
+    fail(err, "%s: the file is empty", path);
+    fclose(f);
+    return NULL;
 }
 
 bool file_read(const char *path, char **data, size_t *size, message *err)
 {
-    FILE *f = open_regular(path, size, err);
+    FILE *f = open_scene(path, size, err);
     if (!f)
         return false;
     *data = xmalloc(*size + 1);
@@ -332,7 +330,11 @@ static bool load_with_assimp(import *in, message *err)
     if (in->is_gltf && !gltf_read(in->path, in->s, &in->facts, err))
         return false;
     /* glTF holds no polygons; nodes and shared meshes stay as they are, for they become instances. */
-    in->source = aiImportFile(in->path, in->is_gltf ? 0 : aiProcess_Triangulate);
+    scene_io reader;
+    scene_io_init(&reader);
+    in->source = aiImportFileEx(in->path, in->is_gltf ? 0 : aiProcess_Triangulate, &reader.io);
+    if (in->source && *reader.missing.text)
+        notice("%s: %s", in->path, reader.missing.text);
     if (in->source && in->source->mRootNode)
         ok = import_source(in, err);
     else
@@ -353,7 +355,7 @@ bool scene_load(const char *path, scene **out, message *err)
     *out = NULL;
     if (kind == FORMAT_UNKNOWN)
         return fail(err, "%s: unknown scene format (known: .gltf .glb .obj .ply)", path);
-    FILE *f = open_regular(path, &size, err);
+    FILE *f = open_scene(path, &size, err);
     if (!f)
         return false;
     fclose(f);

@@ -35,7 +35,7 @@ typedef struct station {
     bool aside; /* this pass is exact */
     double shade_s, visibility_s;
     uint64_t mispredicted, sample_count;
-    bool ready;
+    bool ready, drew; /* drew: lit a part of the image */
 } station;
 
 typedef struct job {
@@ -225,6 +225,8 @@ static void light_samples(job *j, station *s, size_t pass)
     sort_samples(j, s);
     if (j->record)
         j->record->passes[pass] = xcalloc(s->samples.count * row_words(&s->chunk) + 1, sizeof(uint64_t));
+    if (s->samples.count == 0) /* what is seen directly is all there is, unless it was not looked for to the end */
+        s->drew = s->drew || !interrupted();
     for (size_t i = 0; i < s->samples.count && !interrupted(); i += CHUNK) {
         chunk *c = &s->chunk;
         c->count = s->samples.count - i < CHUNK ? (uint32_t)(s->samples.count - i) : CHUNK;
@@ -247,6 +249,7 @@ static void light_samples(job *j, station *s, size_t pass)
             record_truth(s, i, j->record->passes[pass]);
         if (j->check && j->check->passes[pass])
             check_truth(s, i, j->check->passes[pass]);
+        s->drew = true;
     }
     s->shade_s += now() - start;
     s->sample_count += s->samples.count;
@@ -403,8 +406,10 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         out->complete = !interrupted();
         progress_free(j.progress);
     }
+    bool drew = out->complete;
     for (int i = 0; i < threads; i++) {
         station *s = &j.stations[i];
+        drew = drew || s->drew;
         out->shade_s += s->shade_s / threads;
         lights->visibility_s += s->visibility_s / threads;
         out->mispredicted += s->mispredicted;
@@ -432,6 +437,8 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     free(j.stations);
     free(j.tiles);
     vpls_free(&vpls);
+    if (!drew)
+        frame_free(out);
     return ok;
 }
 
