@@ -176,6 +176,24 @@ class Report(unittest.TestCase):
                     for c in blocks[:i]:
                         self.assertGreaterEqual(max(abs(b["x"] - c["x"]), abs(b["y"] - c["y"])), b["side"])
 
+    def test_other_draws_are_means(self):
+        rows, found = self.rows(), 0
+        for r in rows.values():
+            if r["labels"]["section"] == "curves" and "draws" in r["figures"]:
+                own = [rows[f'{r["id"]}/{i + 1}'] for i in range(r["figures"]["draws"])]
+                errors = [o["point"]["error"] for o in own]
+                self.assertEqual(len(set(errors)), 2)  # each draw is another one
+                self.assertAlmostEqual(r["point"]["error"], statistics.fmean(errors))
+                self.assertEqual([r["figures"][k] for k in ("least", "most")], sorted(errors))
+                self.assertEqual("frame" in r["point"], r["labels"]["method"] == "fewer")
+                base = rows[r["labels"]["base"]]["figures"]
+                for o in own:  # the same eye paths; as many of all lights fewer as are asked for
+                    self.assertEqual(o["figures"]["eye_samples"], base["eye_samples"])
+                    for k in ("vpls", "env_lights"):
+                        self.assertEqual(o["figures"][k] * (r["labels"]["value"] or 1), base[k])
+                found += 1
+        self.assertEqual(found, 4)  # as many and half of them, in two scenes
+
     def test_flip_lies_in_the_image(self):
         """Its mean is the row's; of frames beside exact ones, the layer flip.Y is what zoom found by itself."""
         rows, layered = self.rows(), 0

@@ -2,7 +2,7 @@
 """Speed against error of every method, a plot for each scene."""
 from convergence import front
 from report.methods import METHODS, name_of, stepped_aside
-from report.page import FORMATS, attributes, figure, name, number, save_plot, setting, table
+from report.page import FORMATS, attributes, counted, figure, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
 TITLE = "Speed against error"
@@ -11,7 +11,7 @@ PANELS = [("frame", "whole frame: times faster than exact", "times"),
           ("shade", "shading alone: times faster", "times"),
           ("share", "shadow rays traced, of those of exact", "share")]
 USEFUL = 0.1  # the largest error for which a setting may stand among those that nothing beats
-APART = ("limit", "bdpt")  # no rival of the others: bidirectional path tracing makes another picture
+APART = ("limit", "bdpt", "others")  # no rival of the others: bidirectional path tracing makes another picture
 
 
 def percents(value):
@@ -24,8 +24,8 @@ def scenes_of(rows, section):
 
 
 def of_scene(rows, scene):
-    return [r for r in rows.values()
-            if r["labels"]["section"] == "curves" and r["labels"]["scene"] == scene and "point" in r]
+    return [r for r in rows.values() if r["labels"]["section"] == "curves" and r["labels"]["scene"] == scene and
+            "point" in r and "draw" not in r["labels"]]
 
 
 def best(points):
@@ -63,6 +63,7 @@ def plot(points, what, title, form, large):
     if what == "frame":
         p.front = [(r["point"]["error"], r["point"][what]) for r in best(points)]
     p.vertical = [(0.01, percents(0.01)), (0.02, percents(0.02))]
+    p.vertical += [(r["point"]["error"], "other lights") for r in points if r["labels"]["method"] == "others"]
     return p.svg()
 
 
@@ -70,31 +71,40 @@ def caption_of(points, scene):
     base = next((r for r in points if r["labels"]["method"] == "limit"), None)
     if not base:
         return f"{name(scene)}: {setting(points[0])}."
+    others = next((r for r in points if r["labels"]["method"] == "others"), None)
+    drawn = f" As many virtual lights of another draw make an image that is off by " \
+            f"{number(others, 'point.error', 'percent')} (mean of {counted(others, 'figures.draws', 'draw')}, " \
+            f"{number(others, 'figures.least', 'percent')} to {number(others, 'figures.most', 'percent')})." \
+        if others else ""
     return f"{name(scene)}: {setting(base)}. Exact takes {number(base, 'point.exact_s', 'seconds')} a frame, the " \
            f"median of {number(base, 'point.frames', 'plain')}, of which the slowest took " \
            f"{number(base, 'point.noise', 'times')} as long as the fastest. With visibility for nothing it would be " \
-           f"{number(base, 'point.frame', 'times')} as fast (measured: the time of its shadow rays taken away)."
+           f"{number(base, 'point.frame', 'times')} as fast (measured: the time of its shadow rays taken away).{drawn}"
 
 
 def scene_section(a, rows, scene):
     points = of_scene(rows, scene)
     plots = [save_plot(a, f"curves-{scene}-{what}.svg", plot(points, what, title, form, what == "frame"))
              for what, title, form in PANELS]
-    of_front = table([("nothing beats", lambda r: name(name_of(r))),
+    slow = {"others": " (as slow as exact)"}
+    of_front = table([("nothing beats", lambda r: name(name_of(r) + slow.get(r["labels"]["method"], ""))),
                       ("faster", lambda r: number(r, "point.frame", "times")),
                       ("shading", lambda r: number(r, "point.shade", "times")),
                       ("rays", lambda r: number(r, "point.share", "share")),
                       ("l_inf", lambda r: number(r, "point.error", "percent")),
-                      ("FLIP", lambda r: number(r, "point.flip", "flip"))], best(points))
+                      ("FLIP", lambda r: number(r, "point.flip", "flip"))],
+                     best(points) + [r for r in points if r["labels"]["method"] == "others"])
     inside = plots[0] + f'<div class="row">{plots[1]}{plots[2]}</div>' + of_front
-    return f"<h3>{name(scene)}</h3>" + figure(inside, caption_of(points, scene), points)
+    draws = [r for r in rows.values() if r["labels"].get("scene") == scene and "draw" in r["labels"]]
+    return f"<h3>{name(scene)}</h3>" + figure(inside, caption_of(points, scene), points + draws)
 
 
 HEAD = """<p>Exact frames stand at the beginning and among the others; by how much they differ, the clock may be wrong.
 Frames of some seconds are medians of three. Methods that shade fewer lights or share shading between paths can be
 faster than exact with visibility for nothing. C_E is that of virtual lights; lights of the sky keep cells of one pixel.
-"Fewer lights" are another draw of virtual lights, whose error is that of the draw. Bidirectional path tracing and the
-grid are compared with exact frames of their own.</p>"""
+"Fewer lights" are other virtual lights (and fewer of the sky), "other lights" as many as exact has, both means over
+draws: what lies left of their dotted line is less than the choice of lights changes anyway. Bidirectional path tracing
+and the grid are compared with exact frames of their own.</p>"""
 
 
 def section(a, rows):
