@@ -177,8 +177,8 @@ def converged(a, level):
                    cost=cost(level, level.reference_spp, 8, 1))
         for method, (options, knob, _, paths) in convergence.METHODS.items():
             for value in level.converged_knobs[method]:
-                every = method in ("exact", "cache")
-                most = level.reference_spp // convergence.SHARED // (4 if every else 1)
+                every = method in ("exact", "cache")  # with many paths they take longer than is of interest
+                most = max(1, level.reference_spp // convergence.SHARED // {"exact": 8, "cache": 4}.get(method, 1))
                 for spp in (p for p in paths if p <= most):
                     words = setting(a, level, scene, spp=spp) + options + ([knob, word(value)] if knob else [])
                     labels = {"section": "converged", "scene": scene, "method": method,
