@@ -19,7 +19,7 @@ sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
 from report import methods, svg  # noqa: E402
-from report.curves import best  # noqa: E402
+from report.curves import best, rays_cost, step_in_rays  # noqa: E402
 from report.headline import Entry  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
 from report.parameters import verdict  # noqa: E402
@@ -335,6 +335,25 @@ class Points(unittest.TestCase):
                   row("adaptive", 0.9, 0.001), row("bdpt", 9, 0.001), row("limit", 20, 0),
                   row("selection", 5, 0, served="exact")]
         self.assertEqual([r["labels"]["method"] for r in best(points)], ["estimate", "cache"])
+
+    def test_a_step_in_rays_is_explained(self):
+        def drawn(*values, count=24, served="selection"):
+            return [row("selection", k, 0.1, value=k, punctual_lights=count, served=served) for k in values]
+
+        self.assertIn('data-field="labels.value" data-format="plain">48</data> on', step_in_rays(drawn(64, 32, 48, 8)))
+        for points in (drawn(8, 47), drawn(48, 64), drawn(8, 48, count=8), drawn(8, 48, served="exact"), []):
+            self.assertEqual(step_in_rays(points), "")
+
+    def test_what_a_ray_takes(self):
+        def of(method, seconds, rays, value=""):
+            return row(method, 1, 0, value=value, mode_run={"visibility_s": seconds, "rays_traced": rays})
+
+        for seconds, said in ((1.0, False), (4.5, True)):
+            rows = {}
+            words = rays_cost(rows, [of("limit", seconds, 1000000), of("cache", 9, 1, 8), of("cache", 2, 400000, 4)],
+                              "room")
+            self.assertEqual([r["figures"] for r in rows.values()], [{"exact": seconds, "cache": 5.0}])
+            self.assertEqual("packets share nothing" in words, said)
 
     def test_where_the_cache_loses_is_said(self):
         def cache(frame, error=0.01):

@@ -114,6 +114,7 @@ def section(a, rows):
     caption = "How many times faster a whole frame is than exact, by the fastest setting that was measured and stays " \
               "within the error; the winner is marked. A dash: no setting stays within it. Errors are what a method " \
               "adds to one and the same set of lights; as many virtual lights of another draw are another picture, " \
-              "off by what the last column says."
+              "off by what the last column says. What this report does not say: each scene is seen by one camera " \
+              "with one seed, in small pictures, on the CPU; light trees, ReSTIR and denoisers were not compared."
     used = {r["id"]: r for e in entries for r in e.found.values()}
     return figure(table(columns, entries) + loses, caption, list(used.values()))

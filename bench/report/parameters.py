@@ -215,10 +215,10 @@ def replays(rows, scenes):
                     f'{ratio("around_72_l_inf")}.')
     caption = "Replayed pair by pair, cells unlimited in number, all lights refined. " + " ".join(said) + \
               f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}. Its " \
-              f"{given('64 neighbours (Sect. 3.6)')} have another cell at both ends: what the cells beside the eye's know " \
-              f"of the same light is not among them; with it there are {given('72')}. Its " \
-              f"algorithm asks {given('4')}, all of the light's own cell, for efficiency. Beside the light's cell " \
-              "there may be no light, or one whose density puts it into cells of another size."
+              f"{given('64 neighbours (Sect. 3.6)')} have another cell at both ends: what the cells beside the eye's " \
+              f"know of the same light is not among them; with it there are {given('72')}. Its algorithm asks " \
+              f"{given('4')}, all of the light's own cell, for efficiency. Beside the light's cell there " \
+              "may be no light, or one whose density puts it into cells of another size."
     return "<h3>One orientation, more neighbours</h3>" + figure(table(columns, own), caption, own)
 
 
