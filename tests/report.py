@@ -19,9 +19,10 @@ sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
 from report import methods, svg  # noqa: E402
-from report.curves import best, rays_cost, step_in_rays  # noqa: E402
+from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
+from report.curves import rays_cost, step_in_rays  # noqa: E402
 from report.parameters import verdict  # noqa: E402
 
 VOID = {"meta", "img", "input", "br", "link"}
