@@ -18,7 +18,7 @@ BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
-from report import methods, svg  # noqa: E402
+from report import axes, methods, svg  # noqa: E402
 from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
@@ -355,7 +355,7 @@ class Points(unittest.TestCase):
 
 class Plots(unittest.TestCase):
     def test_what_lies_beyond_stands_at_the_border(self):
-        axis = svg.Axis([1.0, 100.0], 0.0, 10.0)
+        axis = axes.Axis([1.0, 100.0], 0.0, 10.0)
         self.assertEqual((axis(1e-9), axis(1e9)), (0.0, 10.0))
         self.assertAlmostEqual(axis(10.0), 5.0)
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which answers of the cache are wrong, and where: Sect. 5.1 and 3.4 of Popov et al. 2013, pair by pair."""
+from report.axes import from_zero
 from report.methods import derived
 from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
-from report.svg import Plot, Series, from_zero
+from report.svg import Plot, Series
 
 TITLE = "Which answers are wrong, and where"
 LOOKS = [("#0072b2", "square"), ("#d55e00", "circle"), ("#009e73", "diamond"), ("#b0508a", "up"), ("#a87000", "down"),
@@ -11,7 +12,7 @@ NAMES = {"refined": "refined", "unrefined": "not refined", "shared": "lights of 
 
 
 def percents(value):
-    return f"{100 * value:g} %"
+    return f'{f"{100 * value:.6f}".rstrip("0").rstrip(".")} %'
 
 
 def name_of(row):
@@ -88,24 +89,23 @@ def scene_section(a, rows, scene):
            f"answer visible is off V by {number(paper, 'figures.off_visible', 'percent')} (mean); without refinement " \
            f"{number(paper, 'figures.off_wrong', 'times')} as many pairs are wrong as expected, with it " \
            f"{number(paper, 'figures.left_by_refining', 'share')} of these remain."
-    columns = [("setting", lambda r: name(name_of(r))),
-               ("a side, pixels", lambda r: number(r, "figures.distance.unit", "plain")),
+    setting_of = ("setting", lambda r: name(name_of(r)))
+    columns = [setting_of, ("a side, pixels", lambda r: number(r, "figures.distance.unit", "plain")),
                ("rays", lambda r: number(r, "figures.share", "share")),
                ("mispredicted", lambda r: number(r, "figures.mispredicted", "percent")),
                ("l_inf", lambda r: number(r, "figures.l_inf", "percent")),
-               ("mean distance, sides", lambda r: number(r, "figures.distance.mean", "error")),
-               ("beyond one", lambda r: number(r, "figures.distance.beyond", "percent")),
-               ("beyond a diagonal", lambda r: number(r, "figures.distance.diagonal", "percent")),
-               ("farthest", lambda r: number(r, "figures.distance.largest", "error")),
-               ("mean: nearest quarter", lambda r: number(r, "figures.distance.quarters.0.mean", "error")),
-               ("farthest quarter", lambda r: number(r, "figures.distance.quarters.3.mean", "error")),
-               ("seen steeply", lambda r: number(r, "figures.distance.slants.0.mean", "error")),
-               ("grazing", lambda r: number(r, "figures.distance.slants.1.mean", "error"))]
+               ("beyond a side", lambda r: number(r, "figures.distance.beyond", "percent")),
+               ("beyond a diagonal", lambda r: number(r, "figures.distance.diagonal", "percent"))]
+    sides = [setting_of, *((head, lambda r, field=field: number(r, f"figures.distance.{field}", "error"))
+                           for head, field in (("mean distance, sides", "mean"), ("farthest", "largest"),
+                                               ("mean in the nearest quarter", "quarters.0.mean"),
+                                               ("in the farthest", "quarters.3.mean"),
+                                               ("seen steeply", "slants.0.mean"), ("grazing", "slants.1.mean")))]
     where = f"{name(scene)}: distance of each wrong answer from the nearest place in the image that sees the " \
             f"light as " \
             "was answered."
     return f"<h3>{name(scene)}</h3>" + figure(f'<div class="row">{places}</div>', said, [first]) + \
-        figure(distance_plot(a, own) + table(columns, own), where, own)
+        figure(distance_plot(a, own) + table(columns, own) + table(sides, own), where, own)
 
 
 def verdict(rows, own):

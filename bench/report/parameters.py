@@ -3,6 +3,7 @@
 import math
 import statistics
 
+from report.axes import from_zero, logarithmic
 from report.methods import derived
 from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
@@ -82,8 +83,9 @@ def default_row(rows, scene, parameter, base):
 
 
 def plot(a, scene, parameter, own):
-    p = Plot(WHAT[parameter][0], f"{scene}: times the default's", 380, 300, 12, y_label=lambda v: f"{v:g}x", floor=0.05)
     own = sorted(own, key=lambda r: r["figures"]["value"])
+    p = Plot(WHAT[parameter][0], f"{scene}: times the default's", 440, 320, 12, y_label=lambda v: f"{v:g}x",
+             x_axis=logarithmic if own[0]["figures"]["value"] > 0 else from_zero)
     for field, words, colour, shape in DRAWN:
         points = [(r["figures"]["value"], r["figures"][field], attributes(r, x="figures.value", y=f"figures.{field}"),
                    f'{words}, {r["figures"]["value"]:g}: {FORMATS["times"](r["figures"][field])}')
