@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """bench/report: a small report, whose every number must come from a row, and how it goes on after a stop.
 Usage: report.py BENCH WHITTED BDPT ZOOM CLUSTERS"""
+import argparse
 import html.parser
 import json
 import os
@@ -18,9 +19,10 @@ BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
-from report import axes, methods, svg  # noqa: E402
+from report import axes, edges, methods, svg  # noqa: E402
 from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
+from report.levels import LEVELS  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
 from report.parameters import verdict  # noqa: E402
 
@@ -358,6 +360,48 @@ class Plots(unittest.TestCase):
         axis = axes.Axis([1.0, 100.0], 0.0, 10.0)
         self.assertEqual((axis(1e-9), axis(1e9)), (0.0, 10.0))
         self.assertAlmostEqual(axis(10.0), 5.0)
+
+    def test_labels_of_axes_do_not_touch(self):
+        def room(value):
+            return 8.0 * len(axes.label(value)) + 6.0
+
+        for make in (axes.logarithmic, axes.from_zero):
+            for low in (0.00013, 0.7, 3.0, 940.0):
+                for ratio in (1.0, 1.02, 1.3, 3.0, 12.0, 700.0, 1e5):
+                    axis = make([low, low * ratio], 0.0, 320.0)
+                    ticks = axis.ticks(room)
+                    labelled = [v for v, said in ticks if said]
+                    self.assertTrue(2 <= len(labelled) <= axes.MOST, (low, ratio, labelled))
+                    for a, b in zip(labelled, labelled[1:]):
+                        self.assertGreaterEqual(axis(b) - axis(a), (room(a) + room(b)) / 2)
+                    self.assertTrue(all(axis.low <= v <= axis.high * 1.000001 for v, _ in ticks))
+
+    def test_values_of_a_knob_are_its_labels(self):
+        def said(xs, ys=(0.1, 0.2, 0.4, 0.7)):
+            p = svg.Plot("knob", "what", 400, 300)
+            p.series = [svg.Series("one", [(x, y, None, "") for x, y in zip(xs, ys)], "#000", "circle"),
+                        svg.Series("other", [(x, 1.01 * y, None, "") for x, y in zip(xs, ys)], "#000", "circle")]
+            texts = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*>([^<]+)</text>', p.svg())
+            line = max(float(y) for _, y, words in texts if words != "knob")
+            return [words for _, y, words in texts if float(y) == line], {w: float(y) for _, y, w in texts}
+
+        self.assertEqual(said((4, 8, 16, 32))[0], ["4", "8", "16", "32"])
+        self.assertEqual(said((4, 16, 16.1, 36))[0], ["4", "16", "36"])  # for two there is no room
+        self.assertNotIn("4.0123", said((4.0123, 7.7777, 19.876, 33.333))[0])  # measured
+        _, places = said((1, 2, 4, 8), (1.0, 1.0, 1.0, 1.0))
+        self.assertGreaterEqual(places["one"] - places["other"], 1.25 * 13 - 0.1)
+
+    def test_front_is_steps(self):
+        self.assertEqual(svg.steps([(3, 9), (1, 2), (2, 5)]), [(1, 2), (2, 2), (2, 5), (3, 5), (3, 9)])
+        self.assertEqual(svg.spread([10, 11, 12, 40, 60], 5, 0, 50), [6, 11, 16, 40, 45 + 5])
+
+    def test_means_over_few_edges_are_left_out(self):
+        way = {"name": "halton", "edges": 980, "rows": 500, "columns": 480, "pairs": 499, "right": 1.25, "down": 2.25,
+               "off": 3.25, "ragged": 4.25, "rays": 0.5, "mispredicted": 0.25, "l_inf": 0.125}
+        a = argparse.Namespace(level=LEVELS["full"])
+        table = edges.figures_of(a, [{"id": "e", "figures": {"ce": 8, "ways": [way]}}])
+        self.assertEqual(re.sub("<.*?>", " ", table.split("<tbody>")[1]).split(),
+                         "8 Halton order 1.25 500 – 480 3.25 – 499 50.0 % 25.00 % 12.50 %".split())
 
     def test_labels_do_not_cover_each_other(self):
         series = [svg.Series(f"name {i}", [(100.0, 100.0 + 3 * i), (180.0, 100.0 + 2 * i)], "#000", "circle")

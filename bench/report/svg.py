@@ -38,7 +38,7 @@ def polyline(places, colour, more=' stroke-width="2"'):
 
 def width_of(words, size):
     """About how wide words are, in pixels; bold ones."""
-    return 0.62 * size * len(words)
+    return size * (0.62 * len(words) + 0.6)
 
 
 def grid(x, y, box, x_label=label, y_label=label, size=12):
