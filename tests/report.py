@@ -19,7 +19,7 @@ BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
-from report import axes, edges, methods, svg  # noqa: E402
+from report import axes, edges, glance, methods, svg  # noqa: E402
 from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
 from report.levels import LEVELS  # noqa: E402
@@ -337,6 +337,29 @@ class Points(unittest.TestCase):
             self.assertIn(said, str(entry.sentence()))
         self.assertRegex(entry.sentence(), "nearest.*5.00 %")
         self.assertIsNone(Entry({r["id"]: r for r in [exact, cache(1.05)]}, "room", 0.02).winner)
+
+    def test_at_a_glance(self):
+        exact = row("limit", 9, 0)
+        exact["point"]["noise"] = 1.1
+        points = [row("estimate", 4, 0.009), row("estimate", 6, 0.015), row("cache", 2, 0.009),
+                  row("cache", 1.5, 0.001), row("estimate", 12, 0.009, scene="hall"), row("estimate", 13, 0.03, scene="hall"),
+                  row("adaptive", 2, 0.001, scene="other")]
+        lights = [row(kind, speed, 0.005) for kind, speed in (("cache", 0.75), ("cache", 0.5), ("estimate", 3))]
+        for r, kind in zip(lights, ("spots", "spots", "hair")):
+            r["labels"].update(section="lights", kind=kind)
+        rows = {r["id"]: r for r in [exact, *points, *lights]}
+        entries = [Entry(rows, scene, t) for scene in ("room", "hall", "other") for t in (0.01, 0.02)]
+        with tempfile.TemporaryDirectory() as out:
+            os.mkdir(os.path.join(out, "plots"))
+            said = glance.section(argparse.Namespace(out=out), rows, entries)
+        marks = re.findall(r'data-row="([^"]+)" data-x', said)  # of 1 and 2 %, one where these are the same
+        self.assertEqual(sorted(marks), sorted(["room/estimate/4", "room/estimate/6", "room/cache/2",
+                                                "hall/estimate/12", "room/cache/0.75"]))
+        words = re.sub(" +", " ", re.sub("<.*?>", "", said))
+        self.assertIn("is 4.00x to 12.00x as fast as exact with the estimate from the cache (in 2 of 2 scenes), 2.00x "
+                      "with the plain cache, which answers every pair (in 1 of 2 scenes), nowhere with", words)
+        self.assertIn("spots alone (room)", words)
+        self.assertNotIn("hair", words)
 
     def test_what_is_better_in_each_scene_corrects_a_default(self):
         def of(default, *values):

@@ -4,7 +4,7 @@ import math
 
 from report.axes import label
 from report.page import FORMATS, attributes, figure, given, name, number, picture, save_plot, setting, table
-from report.svg import Plot, Series, head, marker, place_labels, text
+from report.svg import Plot, Series, head, marker, place_labels, text, told
 
 TITLE = "Edges of shadows"
 ORDERS = {"halton": ("Halton order", "#d55e00", "circle"), "scanline": ("scanlines", "#0072b2", "square"),
@@ -63,10 +63,9 @@ def where_edges_go(row):
     for i, w in enumerate(ways):
         colour, shape, hollow = looks(w["name"])
         x, y = at(w["right"], w["down"])
-        said = "".join(f" {k}={v!r}" if "'" not in v else f' {k}="{v}"' for k, v in attributes(
-            row, x=f"figures.ways.{i}.right", y=f"figures.ways.{i}.down").items())
         tip = f'{words(w["name"])}: {FORMATS["error"](w["right"])} right, {FORMATS["error"](w["down"])} down'
-        parts.append(f"<g{said}><title>{tip}</title>{marker(x, y, shape, colour, False, hollow)}</g>")
+        of = attributes(row, x=f"figures.ways.{i}.right", y=f"figures.ways.{i}.down")
+        parts.append(told(of, tip, marker(x, y, shape, colour, False, hollow)))
         drawn.append(Series(words(w["name"]), [(x, y)], colour, shape))
     for said, x, y, colour in place_labels(drawn, (8, width - 8, 30, bottom), 12, []):
         parts.append(text(x, y, said, "start", f' fill="{colour}" class="name" font-weight="bold" stroke="#fff" '

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table at the top: how fast at which error, and where the cache loses."""
+from report import glance
 from report.curves import of_scene, scenes_of
 from report.methods import METHODS, setting_of, stepped_aside
 from report.page import figure, given, name, number, table
@@ -112,4 +113,4 @@ def section(a, rows):
               "within the error; the winner is marked. A dash: no setting stays within it. Errors are what a method " \
               "adds to one and the same set of lights; another draw of the virtual lights is another picture."
     used = {r["id"]: r for e in entries for r in e.found.values()}
-    return figure(table(columns, entries) + loses, caption, list(used.values()))
+    return glance.section(a, rows, entries) + figure(table(columns, entries) + loses, caption, list(used.values()))

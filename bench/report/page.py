@@ -107,6 +107,7 @@ details table { display: block; max-height: 22em; overflow: auto; }
 code { font-size: 0.92em; overflow-wrap: anywhere; }
 td small, td data, .given { white-space: nowrap; } .lead { font-size: 1.12em; max-width: 58em; }
 .loses { border-left: 5px solid #d55e00; padding-left: 0.8em; }
+#headline td { white-space: nowrap; } #headline td, #headline th { padding: 2px 7px; } #headline h2 { margin-top: 1em; }
 .wins { border-left: 5px solid #009e73; padding-left: 0.8em; } nav a { margin-right: 1.2em; }
 """
 
@@ -120,12 +121,12 @@ def page(a, sections):
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>vcache: speed against error</title><style>{STYLE}</style></head><body>
 <h1>vcache: speed against error</h1>
-<p class="lead">How much faster a frame becomes by the visibility cache and by its rivals, and how wrong. In all plots
-of speed <b>up and left is better</b>; the yellow band joins what nothing else beats. Errors are against the exact image
-of the same samples unless said otherwise: <code>l_inf</code> (so named by Popov et al., no maximum) is the sum of
-absolute differences over the sum of the light that is shadow-tested. Exact is the fastest arrangement of rays that
-we know.</p>
 <nav>{links}</nav>
+<p>How much faster a frame becomes by the visibility cache and by its rivals, and how wrong. Errors are against the
+exact image of the same samples unless said otherwise: <code>l_inf</code> (so named by Popov et al., no maximum) is the
+sum of absolute differences over the sum of the light that is shadow-tested. Exact traces every shadow ray, in the
+fastest arrangement that we know. In plots of speed over error <b>up and left is better</b>; yellow steps: the fastest
+that was measured at this error or less.</p>
 {body}
 <footer><h2>Where the numbers come from</h2>
 <p>Each number was taken out of a row of <code>rows.json</code> (<code>rows.csv</code>) and names it: point at it. Below

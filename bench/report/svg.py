@@ -24,12 +24,20 @@ def marker(x, y, shape, colour, faint, hollow=False):
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r}" {looks}/>'
     if shape == "cross":
         path = f"M{x - r:.1f} {y - r:.1f}L{x + r:.1f} {y + r:.1f}M{x - r:.1f} {y + r:.1f}L{x + r:.1f} {y - r:.1f}"
-        return f'<path d="{path}" stroke="{colour}" stroke-width="2" stroke-opacity="{0.35 if faint else 1}"/>'
+        width = 1 if hollow else 2
+        return f'<path d="{path}" stroke="{colour}" stroke-width="{width}" stroke-opacity="{0.35 if faint else 1}"/>'
     corners = {"square": [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
                "up": [(0, -1.2), (1.1, 0.9), (-1.1, 0.9)], "down": [(0, 1.2), (1.1, -0.9), (-1.1, -0.9)],
                "diamond": [(0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0)]}[shape]
     path = "L".join(f"{x + r * u:.1f} {y + r * v:.1f}" for u, v in corners)
     return f'<path d="M{path}Z" {looks}/>'
+
+
+def told(attributes, words, drawn):
+    """A marker with the row that it stands for, and what is said where one points at it."""
+    given = "".join(f" {k}={quoteattr(str(v))}" for k, v in (attributes or {}).items())
+    title = f"<title>{escape(words)}</title>" if words else ""
+    return f"<g{given}>{title}{drawn}</g>"
 
 
 def polyline(places, colour, more=' stroke-width="2"'):
@@ -213,10 +221,7 @@ class Plot:
             parts.append(polyline([(at(p[0]), y(p[1])) for p in s.points], s.colour, f' stroke-width="2"{dash}'))
         for s in self.series:
             for p in s.points:
-                said = f"<title>{escape(p[3])}</title>" if p[3] else ""
-                attributes = "".join(f" {k}={quoteattr(str(v))}" for k, v in (p[2] or {}).items())
-                drawn = marker(at(p[0]), y(p[1]), s.shape, s.colour, False, s.hollow)
-                parts.append(f"<g{attributes}>{said}{drawn}</g>")
+                parts.append(told(p[2], p[3], marker(at(p[0]), y(p[1]), s.shape, s.colour, False, s.hollow)))
         drawn = [Series(s.name, [(at(p[0]), y(p[1])) for p in s.points], s.colour, s.shape)
                  for s in self.series if s.points]
         written, places = self.beside_lines(y, box, drawn)
