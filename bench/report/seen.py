@@ -79,7 +79,7 @@ def costs(thing, rows):
     if thing.exact:
         return [("seconds a frame", "figures.mode_run.frame_s", "seconds"),
                 ("l_inf", "figures.reference.mode_run.l_inf", "percent")]
-    return [("rays traced", "point.share", "share"), ("faster than exact", "point.frame", "times"),
+    return [("rays traced", "point.share", "share"), ("as fast as exact", "point.frame", "times"),
             ("l_inf", "point.error", "percent")]
 
 
