@@ -146,7 +146,7 @@ class Report(unittest.TestCase):
         alone = self.rows()
         with tempfile.TemporaryDirectory() as folder:  # medians of two: each beside an exact frame of its own
             self.run_it("--runs", "2", "--filter", "^curves/shapes/(estimate|adaptive)/", "--out", folder)
-            beside = json.loads(read(os.path.join(folder, "rows.json")))
+            beside = [r for r in json.loads(read(os.path.join(folder, "rows.json"))) if "point" in r]
         self.assertEqual(len(beside), 3)
         repeated = [r["figures"] for r in alone.values() if "frames_s" in r["figures"]]
         self.assertGreater(len(repeated), 10)
@@ -210,8 +210,12 @@ class Report(unittest.TestCase):
         for n in numbers:
             self.assertTrue(any(t.startswith(n) for t in page.texts), n)
         self.assertEqual(re.findall(r"<|&\w+;", re.sub("<= ", "", text)), [])
+        self.assertNotRegex(text, r"(?m)^[.,;]")  # what is of a plot alone leaves no hole
         path = os.path.join(self.folder.name, "page.md")
-        for sections, status in ((("headline, table", "maps"), 0), (("headline", "nothing"), 1), ((), 1)):
+        scene = next(r["labels"]["scene"] for r in self.rows().values() if r["labels"]["section"] == "maps")
+        named = (f"maps, maps-{scene}", "headline, lead")
+        for sections, status in ((("headline, table", "maps"), 0), (named, 0), (("headline", "nothing"), 1), ((), 1),
+                                 (("headline, table", "headline, nothing"), 1)):
             before = "".join(f"A page\n<!-- report: {s} -->\nold\n<!-- end of report -->\n" for s in sections)
             with open(path, "w") as f:
                 f.write(before)
@@ -222,11 +226,14 @@ class Report(unittest.TestCase):
             else:
                 parts = read(path).split("<!-- ")
                 self.assertEqual([p.split(" -->")[0] for p in parts[1:]],
-                                 ["report: headline, table", "end of report", "report: maps", "end of report"])
+                                 [f"report: {sections[0]}", "end of report", f"report: {sections[1]}", "end of report"])
                 for p in (parts[1], parts[3]):
                     self.assertIn(p.split(" -->\n")[1].strip(), text)
-                    self.assertGreater(p.count("\n|"), 3)
+                    self.assertTrue(p.count("\n|") > 3 or "lead" in p, p)
                 self.assertEqual(len(parts[1].strip().split("\n\n")), 1)
+                if "lead" in sections[1]:
+                    self.assertIn("as fast as exact", parts[3])
+                    self.assertNotIn("|", parts[3])
 
     def test_parts_are_there(self):
         for folder, end, least in (("plots", ".svg", 10), ("pictures", ".png", 16)):
@@ -342,7 +349,8 @@ class Points(unittest.TestCase):
         exact = row("limit", 9, 0)
         exact["point"]["noise"] = 1.1
         points = [row("estimate", 4, 0.009), row("estimate", 6, 0.015), row("cache", 2, 0.009),
-                  row("cache", 1.5, 0.001), row("estimate", 12, 0.009, scene="hall"), row("estimate", 13, 0.03, scene="hall"),
+                  row("cache", 1.5, 0.001), row("selection", 3, 0.015), row("estimate", 12, 0.009, scene="hall"),
+                  row("estimate", 13, 0.03, scene="hall"), row("selection", 8, 0.005, scene="hall"),
                   row("adaptive", 2, 0.001, scene="other")]
         lights = [row(kind, speed, 0.005) for kind, speed in (("cache", 0.75), ("cache", 0.5), ("estimate", 3))]
         for r, kind in zip(lights, ("spots", "spots", "hair")):
@@ -354,10 +362,12 @@ class Points(unittest.TestCase):
             said = glance.section(argparse.Namespace(out=out), rows, entries)
         marks = re.findall(r'data-row="([^"]+)" data-x', said)  # of 1 and 2 %, one where these are the same
         self.assertEqual(sorted(marks), sorted(["room/estimate/4", "room/estimate/6", "room/cache/2",
-                                                "hall/estimate/12", "room/cache/0.75"]))
+                                                "room/selection/3", "hall/estimate/12", "hall/selection/8",
+                                                "room/cache/0.75"]))
         words = re.sub(" +", " ", re.sub("<.*?>", "", said))
         self.assertIn("is 4.00x to 12.00x as fast as exact with the estimate from the cache (in 2 of 2 scenes), 2.00x "
-                      "with the plain cache, which answers every pair (in 1 of 2 scenes), nowhere with", words)
+                      "with the plain cache, which answers every pair (in 1 of 2 scenes), 8.00x with", words)
+        self.assertIn("the estimate is 1.50x as fast as stochastic selection", words)
         self.assertIn("spots alone (room)", words)
         self.assertNotIn("hair", words)
 
@@ -422,7 +432,7 @@ class Plots(unittest.TestCase):
         way = {"name": "halton", "edges": 980, "rows": 500, "columns": 480, "pairs": 499, "right": 1.25, "down": 2.25,
                "off": 3.25, "ragged": 4.25, "rays": 0.5, "mispredicted": 0.25, "l_inf": 0.125}
         a = argparse.Namespace(level=LEVELS["full"])
-        table = edges.figures_of(a, [{"id": "e", "figures": {"ce": 8, "ways": [way]}}])
+        table = edges.figures_of(a, [{"id": "e", "labels": {"scene": "room"}, "figures": {"ce": 8, "ways": [way]}}])
         self.assertEqual(re.sub("<.*?>", " ", table.split("<tbody>")[1]).split(),
                          "8 Halton order 1.25 500 – 480 3.25 – 499 50.0 % 25.00 % 12.50 %".split())
 

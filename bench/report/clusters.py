@@ -105,7 +105,7 @@ def scene_section(a, rows, scene):
             f"light as " \
             "was answered."
     return f"<h3>{name(scene)}</h3>" + figure(f'<div class="row">{places}</div>', said, [first]) + \
-        figure(distance_plot(a, own) + table(columns, own) + table(sides, own), where, own)
+        figure(distance_plot(a, own) + table(columns, own, f"clusters-{scene}") + table(sides, own), where, own)
 
 
 def verdict(rows, own):

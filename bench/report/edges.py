@@ -63,7 +63,7 @@ def where_edges_go(row):
     for i, w in enumerate(ways):
         colour, shape, hollow = looks(w["name"])
         x, y = at(w["right"], w["down"])
-        tip = f'{words(w["name"])}: {FORMATS["error"](w["right"])} right, {FORMATS["error"](w["down"])} down'
+        tip = f'{words(w["name"])}: {FORMATS["pixels"](w["right"])} right, {FORMATS["pixels"](w["down"])} down'
         of = attributes(row, x=f"figures.ways.{i}.right", y=f"figures.ways.{i}.down")
         parts.append(told(of, tip, marker(x, y, shape, colour, False, hollow)))
         drawn.append(Series(words(w["name"]), [(x, y)], colour, shape))
@@ -79,7 +79,7 @@ def over_ce(own, field, title):
         colour, shape, hollow = looks(way)
         points = [(r["figures"]["ce"], r["figures"]["ways"][i][field],
                    attributes(r, x="figures.ce", y=f"figures.ways.{i}.{field}"),
-                   f'{words(way)}: {FORMATS["error"](r["figures"]["ways"][i][field])}')
+                   f'{words(way)}: {FORMATS["pixels"](r["figures"]["ways"][i][field])}')
                   for r in own if r["figures"]["ways"][i][field] > 0]
         p.series.append(Series(words(way), points, colour, shape, hollow, hollow))
     return p.svg()
@@ -120,14 +120,15 @@ def figures_of(a, own):
     for field, head_of, counted in (("right", "right", "rows"), ("down", "down", "columns"), ("off", "off", None),
                                     ("ragged", "ragged", "pairs of rows")):
         columns.append((head_of, lambda r, i, f=field: number(r if enough(a, r, f) else None, f"figures.ways.{i}.{f}",
-                                                              "error")))
+                                                              "pixels")))
         if counted:
             columns.append((f"of {counted}", lambda r, i, f=COUNTED[field]: number(r, f"figures.ways.{i}.{f}",
                                                                                    "count")))
     columns += [(f, lambda r, i, f=f, form=form: number(r, f"figures.ways.{i}.{f}", form))
                 for f, form in (("rays", "share"), ("mispredicted", "percent"), ("l_inf", "percent"))]
     rows = [(r, i) for r in own for i in range(len(r["figures"]["ways"]))]
-    return table([(head_of, lambda of, cell=cell: cell(*of)) for head_of, cell in columns], rows)
+    return table([(head_of, lambda of, cell=cell: cell(*of)) for head_of, cell in columns], rows,
+                 f'edges-{own[0]["labels"]["scene"]}')
 
 
 def scene_section(a, scene, own):

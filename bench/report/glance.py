@@ -2,7 +2,7 @@
 """The first plot: how fast a whole frame is in each scene within 1 and within 2 % of error."""
 from report.axes import logarithmic
 from report.methods import METHODS, derived, name_of
-from report.page import FORMATS, attributes, given, number, save_plot
+from report.page import FORMATS, attributes, given, lookup, number, save_plot
 from report.svg import head, marker, text, told, width_of
 
 # method: how the sentence calls it
@@ -83,6 +83,12 @@ def plot(groups, targets):
     return "\n".join(parts + ["</svg>", ""])
 
 
+def span(least, most):
+    """Of two (row, field) that are times something: "4.00x to 9.00x", one where they are the same."""
+    words = {FORMATS["times"](lookup(*of)): number(*of, "times") for of in (least, most)}
+    return " to ".join(words.values())
+
+
 def sentence(rows, entries):
     """What each method reaches within the lesser target."""
     of = {m: [e.found[m] for e in entries if m in e.found] for m in SHOWN}
@@ -91,12 +97,19 @@ def sentence(rows, entries):
     said = []
     for m, found in of.items():
         found.sort(key=lambda r: r["point"]["frame"])
-        ends = dict.fromkeys(number(r, "point.frame", "times") for r in (found[:1] + found[-1:]))
-        speeds = f'<b>{" to ".join(ends)}</b>' if found else "nowhere"
+        speeds = f'<b>{span((found[0], "point.frame"), (found[-1], "point.frame"))}</b>' if found else "nowhere"
         said.append(f'{speeds}{"" if said else " as fast as exact"} with {SHOWN[m]} (in '
                     f'{number(row, f"figures.{m}", "count")} of {number(row, "figures.scenes", "count")} scenes)')
+    both = [e.found["estimate"]["point"]["frame"] / e.found["selection"]["point"]["frame"] for e in entries
+            if "estimate" in e.found and "selection" in e.found]
+    more = ""
+    if both:
+        ratios = derived(rows, "headline/ratios", {"least": min(both), "most": max(both)},
+                         [r["id"] for m in ("estimate", "selection") for r in of[m]])
+        more = f' Where both get there the estimate is {span((ratios, "figures.least"), (ratios, "figures.most"))} ' \
+               "as fast as stochastic selection."
     return f'<p class="lead">Within an error (l_inf) of {given(entries[0].target)} a whole frame is ' \
-           f'{", ".join(said)}. ' "In the other scenes no setting that was measured gets there.</p>"
+           f'{", ".join(said)}. In the other scenes no setting that was measured gets there.{more}</p>'
 
 
 def section(a, rows, entries):

@@ -7,7 +7,7 @@ import os
 FORMATS = {"percent": lambda v: f"{100 * v:.2f} %", "share": lambda v: f"{100 * v:.1f} %",
            "times": lambda v: f"{v:.2f}x", "seconds": lambda v: f"{v:.3g} s", "count": lambda v: f"{v:,.0f}",
            "plain": lambda v: f"{v:g}" if isinstance(v, (int, float)) else str(v), "flip": lambda v: f"{v:.4f}",
-           "error": lambda v: f"{v:.3g}"}
+           "error": lambda v: f"{v:.3g}", "pixels": lambda v: f"{v:.2f}"}
 ESCAPE = html.escape
 
 
@@ -58,9 +58,10 @@ def attributes(row, **fields):
     return out
 
 
-def table(columns, rows):
-    """A column is (head, function of a row that gives HTML)."""
-    lines = ["<table><thead><tr>" + "".join(f"<th>{h}</th>" for h, _ in columns) + "</tr></thead><tbody>"]
+def table(columns, rows, known_as=None):
+    """A column is (head, function of a row that gives HTML); `known_as`: by which documents ask for it."""
+    of = f' id="{ESCAPE(known_as)}"' if known_as else ""
+    lines = [f"<table{of}><thead><tr>" + "".join(f"<th>{h}</th>" for h, _ in columns) + "</tr></thead><tbody>"]
     lines += ["<tr>" + "".join(f"<td>{cell(r)}</td>" for _, cell in columns) + "</tr>" for r in rows]
     return "\n".join(lines + ["</tbody></table>"])
 

@@ -152,7 +152,8 @@ def parameter_section(a, rows, scenes, parameter, spread):
                ("time at equal error", lambda r: number(r, "figures.equal_time", "times"))]
     flat = [r for own in of.values() for r in sorted(own, key=lambda r: r["figures"]["value"])]
     sources = [r for s in of for r in of_scene(rows, s, "default") + of_scene(rows, s, parameter)]
-    inside = f'<div class="row">{plots}</div><details><summary>figures</summary>{table(columns, flat)}</details>'
+    inside = f'<div class="row">{plots}</div><details><summary>figures</summary>' \
+             f'{table(columns, flat, f"parameters-{parameter}")}</details>'
     caption = verdict(rows, parameter, of, spread) or \
         "Nothing is said of the default: too few values, or the error does not fall as C_E does."
     return f"<h3>{name(WHAT[parameter][0])}</h3>" + figure(inside, caption, sources)
