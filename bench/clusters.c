@@ -2,7 +2,7 @@
 /* How wrong are the clusters of a view, and where? Records what each eye sample sees of each virtual point light,
  * replays Algorithm 2 with one policy against it and prints JSON; clusters.h says what its members are.
  *
- *     clusters SCENE [--ce X] [--refine N] [--cn N] [--cz N] [--cr X] [--around 4|8|64] [--share] [--hash H] ...
+ *     clusters SCENE [--ce X] [--refine N] [--cn N] [--cz N] [--cr X] [--around 4|8|64|72] [--share] [--hash H] ...
  */
 #include "clusters.h"
 
@@ -18,7 +18,7 @@ typedef struct arguments {
     int around, hash, cache_mb;
 } arguments;
 
-static const char *const around_names[] = {"4", "8", "64", NULL};
+static const char *const around_names[] = {"4", "8", "64", "72", NULL};
 static const char *const hash_names[] = {"none", "split", "lcg-pair", "lcg-xorshift", NULL};
 
 static options_status parse(arguments *a, int argc, char *argv[], message *err)

@@ -8,9 +8,10 @@
 
 /* Which clusters of other cells must agree before one answers (Sect. 3.6). */
 typedef enum around_cells {
-    AROUND_4, /* around X in its tangent plane, as the library has it */
-    AROUND_8, /* those at the corners too */
-    AROUND_64 /* these times 8 around Y */
+    AROUND_4,  /* around X in its tangent plane, as the library has it */
+    AROUND_8,  /* those at the corners too */
+    AROUND_64, /* these times 8 around Y, and no pair of Y's own cell */
+    AROUND_72  /* these times 9: Y's own cell too */
 } around_cells;
 
 /* How much each pair may decide by itself: the start level of Algorithm 2 and how deep it may go. */

@@ -40,7 +40,7 @@ void around_prepare(const vcache *c, const vcache_surface *at, float ce, vcache_
     }
 }
 
-light_neighbours light_neighbours_new(const record *r, const vcache *c)
+light_neighbours light_neighbours_new(const record *r, const vcache *c, bool with_own)
 {
     const vpl_set *l = &r->lights;
     uint64_t *own = xcalloc(l->count, sizeof *own), (*around)[AROUND_MAX] = xcalloc(l->count, sizeof *around);
@@ -57,8 +57,8 @@ light_neighbours light_neighbours_new(const record *r, const vcache *c)
     for (uint32_t i = 0; i < r->padded; i++) {
         n.first[i] = count;
         for (uint32_t k = 0; i < l->count && own[i] && k < l->count; k++)
-            for (int a = 0; a < AROUND_MAX; a++)
-                if (own[k] == around[i][a]) {
+            for (int a = with_own ? -1 : 0; a < AROUND_MAX; a++)
+                if (own[k] == (a < 0 ? own[i] : around[i][a])) {
                     if (count == capacity)
                         n.others = xrealloc(n.others, (capacity = 2 * capacity + 64) * sizeof *n.others);
                     n.others[count++] = k;

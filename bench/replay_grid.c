@@ -228,7 +228,7 @@ static void walk_down(replay *s, uint32_t eye, const vcache_eye *end, const uint
             s->traced[w] |= missing;
             uint64_t differs = count ? hit & s->deeper[d][w] : 0;
             if (differs)
-                differs &= s->p->around == AROUND_64
+                differs &= s->p->around >= AROUND_64
                                ? around_differing(&s->beside, around, count, words, w, differs, visible)
                                : differing(around, count, words, w, visible);
             s->answer[w] |= visible & hit & ~differs;
@@ -403,7 +403,8 @@ replay_result replay_grid(const record *r, const grid_policy *p, const replay_bi
     s->p = p;
     s->bits = bits;
     s->cache = record_cache(r, config);
-    s->beside = p->around == AROUND_64 ? light_neighbours_new(r, s->cache) : (light_neighbours){0};
+    if (p->around >= AROUND_64)
+        s->beside = light_neighbours_new(r, s->cache, p->around == AROUND_72);
     s->difference = xcalloc((size_t)r->view.settings.width * r->view.settings.height, sizeof *s->difference);
     s->near_squared = xcalloc(r->padded, sizeof *s->near_squared);
     s->group = xcalloc(r->padded, sizeof *s->group);

@@ -5,10 +5,11 @@
  *     sequence SCENE --motion camera|light [--frames N] --ways WAY:VALUE,... [--size WxH] [--env-lights N] ...
  *
  * Ways: cache:C_E is emptied for each frame; kept:C_E is not, it forgets what it knew of lights that moved;
- * unrefined:C_E is emptied, and has one level; estimate:K and grid:MODE are frames of whitted's. The camera goes
- * forward by a thousandth of the scene's diagonal and turns by a quarter of a degree a frame; directional lights (the
- * environment's too) turn by a degree, all others stand. Virtual point lights stand as well: those of the first frame.
- * Prints JSON; `rays`: share of exact's. Grid modes are compared with exact frames of their own eye paths.
+ * unrefined:C_E is emptied, and has one level; estimate:K, selection:K (no cache) and grid:MODE are frames of
+ * whitted's. The camera goes forward by a thousandth of the scene's diagonal and turns by a quarter of a degree a
+ * frame; directional lights (the environment's too) turn by a degree, all others stand. Virtual point lights stand as
+ * well: those of the first frame. Prints JSON; `rays`: share of exact's. Grid modes are compared with exact frames of
+ * their own eye paths.
  */
 #include "lighting.h"
 #include "temporal.h"
@@ -18,8 +19,8 @@
 
 enum { WAYS_MAX = 24 };
 
-static const char *const way_names[] = {"cache", "kept", "unrefined", "estimate", "grid", NULL};
-typedef enum way_kind { WAY_CACHE, WAY_KEPT, WAY_UNREFINED, WAY_ESTIMATE, WAY_GRID } way_kind;
+static const char *const way_names[] = {"cache", "kept", "unrefined", "estimate", "selection", "grid", NULL};
+typedef enum way_kind { WAY_CACHE, WAY_KEPT, WAY_UNREFINED, WAY_ESTIMATE, WAY_SELECTION, WAY_GRID } way_kind;
 
 typedef struct way {
     way_kind kind;
@@ -54,8 +55,8 @@ static bool read_value(sequence *s, way *w, message *err)
     }
     if (end == w->value || *end || !(value > 0.0f && value <= 10000.0f))
         return fail(err, "--ways: %s:%s is no number above 0 and up to 10000", way_names[w->kind], w->value);
-    if (w->kind == WAY_ESTIMATE) {
-        f->visibility = VISIBILITY_ESTIMATE;
+    if (w->kind == WAY_ESTIMATE || w->kind == WAY_SELECTION) {
+        f->visibility = w->kind == WAY_ESTIMATE ? VISIBILITY_ESTIMATE : VISIBILITY_SELECT;
         f->rays = value;
         f->ce = 12.0f;
         return true;
@@ -77,16 +78,16 @@ static bool read_ways(sequence *s, message *err)
         while (way_names[kind] && (strncmp(way_names[kind], at, name) != 0 || way_names[kind][name]))
             kind++;
         if (s->count == WAYS_MAX || !way_names[kind] || name == length || length - name - 1 >= sizeof w->value)
-            return fail(err, "--ways takes at most %d of cache:C_E, kept:C_E, unrefined:C_E, estimate:K, grid:MODE",
+            return fail(err,
+                        "--ways takes at most %d of cache:C_E, kept:C_E, unrefined:C_E, estimate:K, selection:K, "
+                        "grid:MODE",
                         WAYS_MAX);
         w->kind = (way_kind)kind;
         memcpy(w->value, at + name + 1, length - name - 1);
         w->view = s->stage.view;
+        w->view.vpls = &s->stage.lights;
         if (!read_value(s, w, err))
             return false;
-        if (w->kind >= WAY_ESTIMATE && s->stage.lights.count > 0)
-            return fail(err, "--ways: %s makes virtual point lights of its own, anew in each frame: --vpls 0",
-                        way_names[kind]);
         s->count++;
         at += length + (at[length] == ',');
     }
@@ -181,7 +182,7 @@ static bool render_whitted(way *w, const image *exact, const image *lattice, mes
     return true;
 }
 
-static bool render_frame(sequence *s, uint32_t *eye_count, message *err)
+static bool render_frame(sequence *s, uint32_t frame_index, uint32_t *eye_count, message *err)
 {
     stage *of = &s->stage;
     eye_list eyes = eye_list_new(&of->view);
@@ -191,12 +192,14 @@ static bool render_frame(sequence *s, uint32_t *eye_count, message *err)
     *eye_count = eyes.count;
     if (s->lattice) {
         view v = of->view;
+        v.vpls = &of->lights;
         v.settings.lattice = true;
         ok = frame_render(&v, "", true, NULL, NULL, &lattice, err);
     }
     for (int i = 0; i < s->count && ok; i++) {
         way *w = &s->ways[i];
         w->view.camera = of->view.camera;
+        w->view.settings.frame = frame_index;
         ok = w->kind < WAY_ESTIMATE ? render_cached(of, w, &eyes, &exact.image, err)
                                     : render_whitted(w, &exact.image, &lattice.lit, err);
     }
@@ -229,7 +232,7 @@ static bool render(sequence *s, message *err)
     for (int i = 0; i < s->frames && ok; i++) {
         if (i > 0)
             (s->motion == 0 ? move_camera : move_lights)(s);
-        ok = render_frame(s, &eye_count, err);
+        ok = render_frame(s, (uint32_t)i, &eye_count, err);
     }
     if (ok)
         print(s, eye_count);
@@ -255,7 +258,7 @@ int main(int argc, char *argv[])
          .kind = OPTION_STRING,
          .value = &s.words,
          .metavar = "WAY:VALUE,...",
-         .help = "cache, kept, unrefined :C_E; estimate:K; grid:MODE"},
+         .help = "cache, kept, unrefined :C_E; estimate, selection :K; grid:MODE"},
     };
     if (stage_open(&s.stage, "How the error changes from frame to frame, as JSON.", table, sizeof table / sizeof *table,
                    argc, argv, &code))

@@ -53,7 +53,7 @@ printf '%s\n' ply 'format ascii 1.0' 'element vertex 3' 'property float x' 'prop
 # --- help ---
 
 # name:kind of every option; kinds are those of bad_values below
-options=(size:size spp:one vpls:zero env:text env-rotate:angle env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
+options=(size:size spp:one vpls:zero vpl-draw:zero env:text env-rotate:angle env-samples:zero env-lights:zero light-samples:zero camera:zero look:look
     visibility:choice select:positive tolerance:small certainty:share ce:positive ce-delta:float ce-samples:float cn:one cz:one cr:ratio refine:zero
     refine-above:float cache-mb:one shared:flag store:choice hash:choice compare:flag runs:one threads:zero seed:seed output:text
     picture:text reference:text half:flag tiles:flag json:text quiet:flag)
@@ -406,6 +406,16 @@ read_json drawn.json
 figure_is served '"exact"'
 figure_is error.l_inf 0
 finish "lights are drawn in three ways"
+
+for vpls in 16 0; do
+    quiet_good cornell "${tiny[@]}" --spp 4 --visibility exact --vpls $vpls -o draw.exr
+    quiet_good cornell "${tiny[@]}" --spp 4 --visibility exact --vpls $vpls --vpl-draw 1 --reference draw.exr --json draw.json
+    read_json draw.json
+    figure_is vpl_draw 1
+    [[ $vpls != 0 ]] || figure_is reference.mode_run.l_inf 0
+    [[ $vpls == 0 || ${figure[reference.mode_run.l_inf]} != 0 ]] || problem "another draw has the same lights"
+done
+finish "--vpl-draw makes other virtual point lights and nothing else"
 
 for pair in adaptive:adaptive adaptive-cache:adaptive-cache; do
     quiet_good conference-lights --size 48x32 --vpls 0 --visibility "${pair%:*}" --tolerance 0.2 --certainty 0.25 --compare \

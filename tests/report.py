@@ -24,6 +24,7 @@ from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
 from report.levels import LEVELS  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
+from report.curves import rays_cost, step_in_rays  # noqa: E402
 from report.parameters import verdict  # noqa: E402
 
 VOID = {"meta", "img", "input", "br", "link"}
@@ -178,6 +179,24 @@ class Report(unittest.TestCase):
                     for c in blocks[:i]:
                         self.assertGreaterEqual(max(abs(b["x"] - c["x"]), abs(b["y"] - c["y"])), b["side"])
 
+    def test_other_draws_are_means(self):
+        rows, found = self.rows(), 0
+        for r in rows.values():
+            if r["labels"]["section"] == "curves" and "draws" in r["figures"]:
+                own = [rows[f'{r["id"]}/{i + 1}'] for i in range(r["figures"]["draws"])]
+                errors = [o["point"]["error"] for o in own]
+                self.assertEqual(len(set(errors)), 2)  # each draw is another one
+                self.assertAlmostEqual(r["point"]["error"], statistics.fmean(errors))
+                self.assertEqual([r["figures"][k] for k in ("least", "most")], sorted(errors))
+                self.assertEqual("frame" in r["point"], r["labels"]["method"] == "fewer")
+                base = rows[r["labels"]["base"]]["figures"]
+                for o in own:  # the same eye paths; as many of all lights fewer as are asked for
+                    self.assertEqual(o["figures"]["eye_samples"], base["eye_samples"])
+                    for k in ("vpls", "env_lights"):
+                        self.assertEqual(o["figures"][k] * (r["labels"]["value"] or 1), base[k])
+                found += 1
+        self.assertEqual(found, 4)  # as many and half of them, in two scenes
+
     def test_flip_lies_in_the_image(self):
         """Its mean is the row's; of frames beside exact ones, the layer flip.Y is what zoom found by itself."""
         rows, layered = self.rows(), 0
@@ -326,6 +345,25 @@ class Points(unittest.TestCase):
                   row("adaptive", 0.9, 0.001), row("bdpt", 9, 0.001), row("limit", 20, 0),
                   row("selection", 5, 0, served="exact")]
         self.assertEqual([r["labels"]["method"] for r in best(points)], ["estimate", "cache"])
+
+    def test_a_step_in_rays_is_explained(self):
+        def drawn(*values, count=24, served="selection"):
+            return [row("selection", k, 0.1, value=k, punctual_lights=count, served=served) for k in values]
+
+        self.assertIn('data-field="labels.value" data-format="plain">48</data> on', step_in_rays(drawn(64, 32, 48, 8)))
+        for points in (drawn(8, 47), drawn(48, 64), drawn(8, 48, count=8), drawn(8, 48, served="exact"), []):
+            self.assertEqual(step_in_rays(points), "")
+
+    def test_what_a_ray_takes(self):
+        def of(method, seconds, rays, value=""):
+            return row(method, 1, 0, value=value, mode_run={"visibility_s": seconds, "rays_traced": rays})
+
+        for seconds, said in ((1.0, False), (4.5, True)):
+            rows = {}
+            words = rays_cost(rows, [of("limit", seconds, 1000000), of("cache", 9, 1, 8), of("cache", 2, 400000, 4)],
+                              "room")
+            self.assertEqual([r["figures"] for r in rows.values()], [{"exact": seconds, "cache": 5.0}])
+            self.assertEqual("packets share nothing" in words, said)
 
     def test_where_the_cache_loses_is_said(self):
         def cache(frame, error=0.01):

@@ -105,7 +105,7 @@ static void smallest_cells_are_exact(void **state)
 }
 
 /* Bits say of each pair what the result counts. Refinement buys errors by rays, with 8 cells around X more than with 4;
- * the 64 of both ends need lights in cells beside each other. */
+ * the 64 of both ends need lights in cells beside each other; with the light's own cell they are more than the 8. */
 static void neighbours_refine(void **state)
 {
     (void)state;
@@ -113,8 +113,8 @@ static void neighbours_refine(void **state)
     size_t words = (size_t)r->count * r->words;
     replay_bits bits = {calloc(words, sizeof *bits.clustered), calloc(words, sizeof *bits.wrong)};
     const grid_policy unrefined = {.ce = 16, .levels = 1};
-    replay_result none = replay_grid(r, &unrefined, NULL), of[3];
-    for (int around = AROUND_4; around <= AROUND_64; around++) {
+    replay_result none = replay_grid(r, &unrefined, NULL), of[4];
+    for (int around = AROUND_4; around <= AROUND_72; around++) {
         const grid_policy p = {.ce = 16, .around = (around_cells)around};
         replay_result x = of[around] = replay_grid(r, &p, &bits);
         uint64_t wrong = 0;
@@ -127,6 +127,8 @@ static void neighbours_refine(void **state)
         assert_true(x.rays > none.rays && x.wrong < none.wrong);
     }
     assert_true(of[AROUND_8].rays > of[AROUND_4].rays && of[AROUND_8].wrong < of[AROUND_4].wrong);
+    assert_true(of[AROUND_72].rays > of[AROUND_8].rays && of[AROUND_72].wrong < of[AROUND_8].wrong);
+    assert_true(of[AROUND_72].rays > of[AROUND_64].rays && of[AROUND_72].wrong < of[AROUND_64].wrong);
     free(bits.clustered);
     free(bits.wrong);
 }

@@ -53,11 +53,12 @@ def spp_of(level, scene):
     return level.slow.get(scene, level.spp)
 
 
-def setting(a, level, scene, vpls=None, spp=None):
-    """A scene and its lights: whole frames as they come, but for skies as lights."""
+def setting(a, level, scene, spp=None, one_in=1):
+    """A scene and its lights: whole frames as they come, but for skies as lights. `one_in`: so many fewer of those
+    that are drawn."""
     words = ["whitted", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp",
-             str(spp or spp_of(level, scene)), "--vpls", str(level.vpls if vpls is None else vpls)]
-    return words + (["--env-lights", str(level.env_lights)] if scene in BY_SKY else [])
+             str(spp or spp_of(level, scene)), "--vpls", str(level.vpls // one_in)]
+    return words + (["--env-lights", str(level.env_lights // one_in)] if scene in BY_SKY else [])
 
 
 def curve_image(scene, method):
@@ -86,10 +87,7 @@ def curve_case(a, level, scene, method, value):
     case = Case(f"curves/{scene}/{method}/{word(value)}", [], labels, (base,))
     clock = method == CLOCK and value in clocks_of(level)
     paired = clock or method == "grid" or level.runs > 1  # the grid's eye samples are others
-    if method == "fewer":
-        labels["value"] = level.vpls // value
-        words, paired = setting(a, level, scene, level.vpls // value) + ["--visibility", "exact"], False
-    elif method == "bdpt":
+    if method == "bdpt":
         spp, paired = str(level.bdpt_spp), True
         words = ["bdpt", *scene_words(a, scene), *sky(a, scene), "--size", level.size, "--spp", spp, "--epoch", spp]
         words += HOW["cache"](word(value))
@@ -103,8 +101,22 @@ def curve_case(a, level, scene, method, value):
         case.cost = (1.0 + SHARE[method]) * full * (1 if method == "bdpt" else level.runs)
     else:
         case.words = alone(a, words + ["--reference", image])
-        case.cost = full / value if method == "fewer" else full * SHARE[method]
+        case.cost = full * SHARE[method]
     return case
+
+
+def draws(a, level, scene):
+    """Exact with other lights: as many, and fewer; each draw a row. That of the exact image is draw 0."""
+    base, full = f"curves/{scene}/exact", cost(level, spp_of(level, scene), level.vpls, 1)
+    for one_in in (1, *level.sweeps["fewer"]):
+        method = "fewer" if one_in > 1 else "others"
+        for draw in range(1, level.draws + 1):
+            words = setting(a, level, scene, one_in=one_in) + ["--visibility", "exact", "--vpl-draw", str(draw),
+                                                               "--reference", curve_image(scene, "exact")]
+            labels = {"section": "curves", "scene": scene, "method": method, "value": one_in if one_in > 1 else "",
+                      "base": base, "draw": draw}
+            yield Case(f"curves/{scene}/{method}/{f'{one_in}/' if one_in > 1 else ''}{draw}", alone(a, words), labels,
+                       (base,), cost=full / one_in)
 
 
 # How long a frame takes, by method, as a share of exact's; for the time that is left.
@@ -119,7 +131,8 @@ def curves(a, level):
                    {"section": "curves", "scene": scene, "method": "limit", "value": "", "base": base}, makes=(image,),
                    cost=cost(level, spp_of(level, scene), level.vpls, 1))
         made = [curve_case(a, level, scene, method, value) for method, values in level.sweeps.items()
-                for value in values if method != "grid" or scene in BY_SKY]
+                for value in values if method != "fewer" and (method != "grid" or scene in BY_SKY)]
+        made += draws(a, level, scene)
         clocks = [c for c in made if c.labels["method"] == CLOCK and c.labels["value"] in clocks_of(level)]
         yield from spread(clocks, [c for c in made if c not in clocks])
 
@@ -164,8 +177,8 @@ def converged(a, level):
                    cost=cost(level, level.reference_spp, 8, 1))
         for method, (options, knob, _, paths) in convergence.METHODS.items():
             for value in level.converged_knobs[method]:
-                every = method in ("exact", "cache")
-                most = level.reference_spp // convergence.SHARED // (4 if every else 1)
+                every = method in ("exact", "cache")  # with many paths they take longer than is of interest
+                most = max(1, level.reference_spp // convergence.SHARED // {"exact": 8, "cache": 4}.get(method, 1))
                 for spp in (p for p in paths if p <= most):
                     words = setting(a, level, scene, spp=spp) + options + ([knob, word(value)] if knob else [])
                     labels = {"section": "converged", "scene": scene, "method": method,

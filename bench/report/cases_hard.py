@@ -41,7 +41,8 @@ def flicker(a, level):
     for motion, scene, kind, words, keeps in moving(a, level):
         plain = ("cache", "kept", "unrefined") if keeps else ("cache", "unrefined")
         ways = [f"{way}:{word(ce)}" for way in plain for ce in s["ce"]]
-        ways += [f"estimate:{k}" for k in s["estimate"] if kind == "sky"]
+        many = kind in ("sky", "virtual lights")  # enough to draw some
+        ways += [f"{way}:{k}" for way in ("estimate", "selection") for k in s["estimate"] if many]
         ways += [f"grid:{mode}" for mode in s["grid"] if kind == "sky"]
         yield Case(f"flicker/{motion}/{scene}/{kind.replace(' ', '-')}",
                    ["sequence", *words, "--size", s["size"], "--spp", str(s["spp"]), "--motion", motion, "--frames",

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed against error of every method, a plot for each scene."""
 from convergence import front
-from report.methods import METHODS, name_of, stepped_aside
-from report.page import FORMATS, attributes, figure, name, number, save_plot, setting, table
+from report.methods import METHODS, derived, name_of, stepped_aside
+from report.page import FORMATS, attributes, counted, figure, given, lookup, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
 TITLE = "Speed against error"
@@ -11,7 +11,7 @@ PANELS = [("frame", "whole frame: times faster than exact", "times"),
           ("shade", "shading alone: times faster", "times"),
           ("share", "shadow rays traced, of those of exact", "share")]
 USEFUL = 0.1  # the largest error for which a setting may stand among those that nothing beats
-APART = ("limit", "bdpt")  # no rival of the others: bidirectional path tracing makes another picture
+APART = ("limit", "bdpt", "others")  # no rival of the others: bidirectional path tracing makes another picture
 
 
 def percents(value):
@@ -24,8 +24,8 @@ def scenes_of(rows, section):
 
 
 def of_scene(rows, scene):
-    return [r for r in rows.values()
-            if r["labels"]["section"] == "curves" and r["labels"]["scene"] == scene and "point" in r]
+    return [r for r in rows.values() if r["labels"]["section"] == "curves" and r["labels"]["scene"] == scene and
+            "point" in r and "draw" not in r["labels"]]
 
 
 def best(points):
@@ -63,39 +63,81 @@ def plot(points, what, title, form, large):
     if what == "frame":
         p.front = [(r["point"]["error"], r["point"][what]) for r in best(points)]
     p.vertical = [(0.01, percents(0.01)), (0.02, percents(0.02))]
+    p.vertical += [(r["point"]["error"], "other lights") for r in points if r["labels"]["method"] == "others"]
     return p.svg()
 
 
-def caption_of(points, scene):
+def step_in_rays(points):
+    """Punctual lights of which at least half as many rays as there are lights are wanted are traced, not drawn."""
+    drawn = [r for r in points if r["labels"]["method"] in ("estimate", "selection") and not stepped_aside(r)]
+    count = max((lookup(r, "figures.punctual_lights") or 0 for r in drawn), default=0)
+    traced = sorted((r for r in drawn if r["labels"]["value"] >= 2 * count), key=lambda r: r["labels"]["value"])
+    if count <= 8 or not traced or len(traced) == len(drawn):
+        return ""
+    return f" From K = {number(traced[0], 'labels.value', 'plain')} on the " \
+           f"{number(traced[0], 'figures.punctual_lights', 'count')} punctual lights are not drawn but all traced, " \
+           "as they are no more than half of K; the rays drawn go to the virtual lights alone: a step in rays."
+
+
+def rays_cost(rows, points, scene):
+    """What a shadow ray takes."""
+    cached = min((r for r in points if r["labels"]["method"] == "cache"), key=lambda r: r["labels"]["value"],
+                 default=None)
+    base = next((r for r in points if r["labels"]["method"] == "limit"), None)
+    if not cached or not base:
+        return ""
+    of_exact, of_cache = base["figures"]["mode_run"], cached["figures"]["mode_run"]
+    figures = {"exact": 1e6 * of_exact["visibility_s"] / max(1, of_exact["rays_traced"]),
+               "cache": 1e6 * of_cache["visibility_s"] / max(1, of_cache["rays_traced"])}
+    row = derived(rows, f"curves/{scene}/per-ray", figures, [base["id"], cached["id"]])
+    alone = " Here packets share nothing: a ray of theirs takes as long as one traced for itself, and saved rays are " \
+            "saved time." if figures["exact"] > 0.8 * figures["cache"] else ""
+    return f" A shadow ray takes {number(row, 'figures.exact', 'error')} microseconds in the packets of exact, " \
+           f"{number(row, 'figures.cache', 'error')} in those that the cache gathers (C_E = " \
+           f"{number(cached, 'labels.value', 'plain')}, look-ups included).{alone}"
+
+
+def caption_of(rows, points, scene):
     base = next((r for r in points if r["labels"]["method"] == "limit"), None)
     if not base:
         return f"{name(scene)}: {setting(points[0])}."
+    others = next((r for r in points if r["labels"]["method"] == "others"), None)
+    drawn = f" As many virtual lights of another draw make an image that is off by " \
+            f"{number(others, 'point.error', 'percent')} (mean of {counted(others, 'figures.draws', 'draw')}, " \
+            f"{number(others, 'figures.least', 'percent')} to {number(others, 'figures.most', 'percent')})." \
+        if others else ""
+    more = drawn + rays_cost(rows, points, scene) + step_in_rays(points)
     return f"{name(scene)}: {setting(base)}. Exact takes {number(base, 'point.exact_s', 'seconds')} a frame, the " \
            f"median of {number(base, 'point.frames', 'plain')}, of which the slowest took " \
            f"{number(base, 'point.noise', 'times')} as long as the fastest. With visibility for nothing it would be " \
-           f"{number(base, 'point.frame', 'times')} as fast (measured: the time of its shadow rays taken away)."
+           f"{number(base, 'point.frame', 'times')} as fast (measured: the time of its shadow rays taken away).{more}"
 
 
 def scene_section(a, rows, scene):
     points = of_scene(rows, scene)
     plots = [save_plot(a, f"curves-{scene}-{what}.svg", plot(points, what, title, form, what == "frame"))
              for what, title, form in PANELS]
-    of_front = table([("nothing beats", lambda r: name(name_of(r))),
+    slow = {"others": " (as slow as exact)"}
+    of_front = table([("nothing beats", lambda r: name(name_of(r) + slow.get(r["labels"]["method"], ""))),
                       ("faster", lambda r: number(r, "point.frame", "times")),
                       ("shading", lambda r: number(r, "point.shade", "times")),
                       ("rays", lambda r: number(r, "point.share", "share")),
                       ("l_inf", lambda r: number(r, "point.error", "percent")),
-                      ("FLIP", lambda r: number(r, "point.flip", "flip"))], best(points))
+                      ("FLIP", lambda r: number(r, "point.flip", "flip"))],
+                     best(points) + [r for r in points if r["labels"]["method"] == "others"])
     inside = plots[0] + f'<div class="row">{plots[1]}{plots[2]}</div>' + of_front
-    return f"<h3>{name(scene)}</h3>" + figure(inside, caption_of(points, scene), points)
+    draws = [r for r in rows.values() if r["labels"].get("scene") == scene and "draw" in r["labels"]]
+    return f"<h3>{name(scene)}</h3>" + figure(inside, caption_of(rows, points, scene), points + draws)
 
 
 HEAD = """<p>Exact frames stand at the beginning and among the others; by how much they differ, the clock may be wrong.
 Frames of some seconds are medians of three. Methods that shade fewer lights or share shading between paths can be
-faster than exact with visibility for nothing. C_E is that of virtual lights; lights of the sky keep cells of one pixel.
-"Fewer lights" are another draw of virtual lights, whose error is that of the draw. Bidirectional path tracing and the
-grid are compared with exact frames of their own.</p>"""
+faster than exact with visibility for nothing. Where those that draw K lights have no more than {} to draw from, all
+are traced instead. C_E is that of virtual lights; lights of the sky keep cells of one pixel.
+"Fewer lights" are other virtual lights (and fewer of the sky), "other lights" as many as exact has, both means over
+draws: what lies left of their dotted line is less than the choice of lights changes anyway. Bidirectional path tracing
+and the grid are compared with exact frames of their own.</p>"""
 
 
 def section(a, rows):
-    return HEAD + "\n".join(scene_section(a, rows, s) for s in scenes_of(rows, "curves"))
+    return HEAD.format(given("4 K + 16")) + "\n".join(scene_section(a, rows, s) for s in scenes_of(rows, "curves"))

@@ -13,6 +13,7 @@ WAYS = {"cache": ("cache, emptied for each frame", "C_E = {}", "#d55e00", "circl
         "kept": ("cache, kept", "C_E = {}", "#0072b2", "square", False),
         "unrefined": ("cache, not refined", "C_E = {}", "#d55e00", "circle", True),
         "estimate": ("estimate from the cache", "K = {}", METHODS["estimate"].colour, "square", True),
+        "selection": (METHODS["selection"].name, "K = {}", METHODS["selection"].colour, "cross", True),
         "grid": ("grid coherence", "{}", METHODS["grid"].colour, "up", False)}
 
 
@@ -62,10 +63,14 @@ def verdict(rows, row):
     if "unrefined" in m["figures"]:
         lines.append(f'without refinement {number(m, "figures.unrefined", "times")} as much')
     lines.append(f'emptied, its error changes {number(m, "figures.of_light", "times")} as much as the light itself')
-    noisy = [f'with {number(row, f"figures.ways.{i}.value", "plain")} rays '
-             f'{number(row, f"figures.ways.{i}.change", "percent")}'
-             for i, w in enumerate(row["figures"]["ways"]) if w["name"] == "estimate"]
-    noise = f' The estimate\'s noise is new in each frame: it changes by {", ".join(noisy)}.' if noisy else ""
+    noise = ""
+    for kind, words in (("estimate", "The estimate\'s noise is new in each frame: it changes by"),
+                        ("selection", "selection without a cache by")):
+        noisy = [f'{number(row, f"figures.ways.{i}.change", "percent")} with '
+                 f'{number(row, f"figures.ways.{i}.value", "plain")} lights a path' for i, _ in ways_of(row, kind)]
+        noise += f'{"; " if noise else " "}{words} {", ".join(noisy)}' if noisy else ""
+    noise += ". (With the same random numbers in each frame the latter would be a stain where the camera stands.)" \
+        if "selection" in noise else "." if noise else ""
     return f'<p>The plain cache, means over C_E: {"; ".join(lines)}.{noise}</p>'
 
 

@@ -34,7 +34,8 @@ class Entry:
     def __init__(self, rows, scene, target):
         self.points = of_scene(rows, scene)
         found = {m: fastest(self.points, m, target) for m in COLUMNS}
-        self.base = next((r for r in self.points if r["labels"]["method"] == "limit"), None)
+        self.base, self.others = (next((r for r in self.points if r["labels"]["method"] == m), None)
+                                  for m in ("limit", "others"))
         self.scene, self.target, self.error = scene, f"{100 * target:g} %", target
         self.found = {m: r for m, r in found.items() if r}
         self.winner = max(self.found, key=lambda m: speed(self.found[m]), default=None)
@@ -106,11 +107,15 @@ def section(a, rows):
     columns = [("scene", lambda e: name(e.scene)), ("l_inf within", lambda e: given(e.target))]
     columns += [("exact", lambda e: number(e.base, "point.exact_s", "seconds") if e.base else "")]
     columns += [(METHODS[m].name, lambda e, m=m: e.cell(m)) for m in shown]
+    if any(e.others for e in entries):
+        columns += [(f"l_inf of {METHODS['others'].name}", lambda e: number(e.others, "point.error", "percent"))]
     lines = [s for s in (e.sentence() for e in entries) if s] + in_general(rows, entries)
     loses = '<div class="loses"><b>Where the cache loses</b><ul>' + "".join(f"<li>{s}</li>" for s in lines) + \
             "</ul></div>" if lines else ""
     caption = "How many times faster a whole frame is than exact, by the fastest setting that was measured and stays " \
               "within the error; the winner is marked. A dash: no setting stays within it. Errors are what a method " \
-              "adds to one and the same set of lights; another draw of the virtual lights is another picture."
+              "adds to one and the same set of lights; as many virtual lights of another draw are another picture, " \
+              "off by what the last column says. What this report does not say: each scene is seen by one camera " \
+              "with one seed, in small pictures, on the CPU; light trees, ReSTIR and denoisers were not compared."
     used = {r["id"]: r for e in entries for r in e.found.values()}
     return glance.section(a, rows, entries) + figure(table(columns, entries) + loses, caption, list(used.values()))

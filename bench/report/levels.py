@@ -7,11 +7,12 @@ import dataclasses
 class Level:
     size: str
     spp: int
-    slow: dict          # fewer paths for scenes whose exact frames take minutes
+    slow: dict          # fewer paths for scenes whose exact frames would take about a minute and more
     vpls: int
     env_lights: int
     light_samples: int  # of area lights, where they are all there is
     runs: int           # pairs of frames
+    draws: int          # of virtual lights, where errors are means over these
     repeated: int       # frames alone that take a few seconds
     bdpt_spp: int
     scenes: list        # of the curves
@@ -32,28 +33,28 @@ class Level:
 
 LEVELS = {
     "full": Level(
-        "256x144", 16, {"atrium": 4, "san-miguel": 4, "hair-straight": 4}, 1024, 256, 64, 1, 3, 4,
+        "256x144", 16, {"atrium": 4, "san-miguel": 4, "hair-straight": 4, "breakfast": 8}, 1024, 256, 64, 1, 3, 3, 4,
         ["atrium", "conference-lights", "shapes", "kitchen", "conference", "breakfast", "living-room", "san-miguel",
          "hair-straight"],
-        {"cache": [8, 16, 32], "cache-unrefined": [8, 32], "cache-words": [16],
+        {"cache": [4, 8, 16, 32], "cache-unrefined": [8, 32], "cache-words": [],
          "estimate": [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 64], "cached-selection": [2, 4, 8, 16],
          "selection": [2, 3, 4, 6, 8, 12, 16, 24, 32, 64],
          "fewer": [4, 8, 16], "adaptive": [0.2], "adaptive-cache": [0.2], "grid": ["NEAR"], "bdpt": [12]},
         {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.2}, True,
         {"hard": ([4, 8, 16, 36], [4, 8, 18]), "soft": ([10, 24, 64], [4, 24])},
-        ["kitchen", "living-room"], 1024,
+        ["kitchen", "living-room", "conference"], 1024,
         {"selection": [4, 16], "cache": [16], "estimate": [4, 16], "cached-selection": [8], "exact": [None]},
-        maps=[1024, 2048, 4096, 6000],
+        maps=[1024, 2048, 4096],
         sequence={"size": "160x90", "frames": 60, "spp": 4, "ce": [4, 8, 32], "env_lights": 64, "vpls": 128,
                   "grid": ["NEAR", "OPT"], "estimate": [4, 8]},
         edges={"size": "640x360", "ce": [4, 8, 16], "shown": 8},
         clusters={"scenes": ["conference-lights", "kitchen"], "ce": [8, 32], "one": [8], "also": [8]},
         studies={"size": "192x108", "spp": 4, "scenes": ["kitchen", "conference"], "ce": 8, "table_mb": 64,
-         "options": {"ce": [4, 16], "cn": [1, 2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2.5],
-                     "refine": [1, 2, 4], "refine-above": [0, 1], "cache-mb": [1, 2, 16, 64]}},
+         "options": {"ce": [4, 16], "cn": [2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2.5],
+                     "refine": [1, 2, 4], "refine-above": [0, 1], "cache-mb": [1, 16, 64]}},
         seeing={"size": "320x180", "lights": 256}),
     "quick": Level(
-        "128x72", 4, {}, 256, 64, 16, 1, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
+        "128x72", 4, {}, 256, 64, 16, 1, 1, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
         {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
          "cached-selection": [6], "selection": [6, 24, 48], "fewer": [4], "adaptive": [0.05, 0.2],
          "adaptive-cache": [], "grid": ["NEAR", "OPT", "GNU"], "bdpt": [12]},
@@ -71,7 +72,7 @@ LEVELS = {
                      "refine-above": [0, 2], "cache-mb": [1, 16]}},
         seeing={"size": "128x72", "lights": 64}),
     "tiny": Level(
-        "48x27", 4, {}, 64, 16, 4, 1, 2, 2, ["cornell", "shapes"],
+        "48x27", 4, {}, 64, 16, 4, 1, 2, 2, 2, ["cornell", "shapes"],
         {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
          "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"],
          "bdpt": [12]},

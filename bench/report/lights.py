@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plain cache over C_E by kind of light, with anti-aliasing and without (Popov et al. 2013, Fig. 7)."""
+from report.methods import derived
 from report.page import FORMATS, attributes, counted, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
@@ -38,7 +39,17 @@ def within(own, error):
     return f"within {given(f'{100 * error:g} %')}: {found}"
 
 
-def kind_section(a, kind, scene, own):
+def part_of_picture(rows, own):
+    """What errors are relative to, where that is not all that is seen."""
+    error = own[0]["figures"]["error"]
+    if not error["l_inf"] or not error["l_inf_whole"] < 0.99 * error["l_inf"]:
+        return ""
+    row = derived(rows, own[0]["id"] + "/part", {"share": error["l_inf_whole"] / error["l_inf"]}, [own[0]["id"]])
+    return f" These lights bring {number(row, 'figures.share', 'share')} of the picture's light, and l_inf is over " \
+           "that alone; over the whole picture it is smaller by as much."
+
+
+def kind_section(a, rows, kind, scene, own):
     file_name = f"lights-{kind.replace(' ', '-')}-{scene}"
     plots = [save_plot(a, f"{file_name}-speed.svg",
                        plot(own, SPEED, "times fewer, times faster than exact", "times", lambda v: f"{v:g}x")),
@@ -54,7 +65,7 @@ def kind_section(a, kind, scene, own):
     marks = '<span class="plot">; filled: with anti-aliasing, hollow: one path a pixel</span>'
     caption = f"{name(scene)}, {name(kind)}: {setting(own[0])}{marks}. "
     inside = f'<div class="row">{plots[0]}{plots[1]}</div><details><summary>figures</summary>{figures}</details>'
-    return f"<h3>{name(kind)}: {name(scene)}</h3>" + figure(inside, caption + verdict, own)
+    return f"<h3>{name(kind)}: {name(scene)}</h3>" + figure(inside, caption + verdict + part_of_picture(rows, own), own)
 
 
 def section(a, rows):
@@ -65,4 +76,4 @@ def section(a, rows):
     head = "<p>The plain cache, which answers every pair. Ranges of C_E are those of Popov et al. " \
            f"{given('(2013)')}: hard shadows of points and suns show cells first, soft ones later. Rays: those of " \
            "exact over those that were traced.</p>"
-    return head + "\n".join(kind_section(a, *place, own) for place, own in places.items())
+    return head + "\n".join(kind_section(a, rows, *place, own) for place, own in places.items())

@@ -14,7 +14,8 @@ METHODS = {
     "cache-unrefined": Method("cache, not refined", "#d55e00", "circle", True, True, "C_E = {}", True),
     "cache-words": Method("cache, pair by pair", "#d55e00", "up", True, True, "C_E = {}", True),
     "selection": Method("stochastic selection, no cache", "#333333", "cross", False, False, "K = {}", False),
-    "fewer": Method("fewer lights", "#777777", "down", False, True, "{} lights", False),
+    "fewer": Method("fewer lights", "#777777", "down", False, True, "1 in {}", False),
+    "others": Method("other lights, same number", "#777777", "cross", True, True, "", False),
     "adaptive": Method("adaptive testing", "#009e73", "diamond", False, False, "T = {}", False),
     "adaptive-cache": Method("adaptive + cache", "#009e73", "diamond", True, True, "T = {}", True),
     "grid": Method("grid coherence", "#b0508a", "up", False, False, "{}", False),
@@ -91,11 +92,28 @@ def of_converged(figures):
     return {"time": figures["mode_run"]["frame_s"], **{k: error[k] for k in ("rel_mse", "l_inf", "flip")}}
 
 
-def derived(rows, id, figures, parents):
+def derived(rows, id, figures, parents, labels=None):
     """A row of what was computed from others, so that the page can show it."""
-    rows[id] = {"id": id, "command": "computed from " + ", ".join(parents), "labels": {"section": "derived"},
+    rows[id] = {"id": id, "command": "computed from " + ", ".join(parents), "labels": labels or {"section": "derived"},
                 "figures": figures}
     return rows[id]
+
+
+def add_means(rows):
+    """Of several draws of lights one row: means of errors, medians of speeds. Those of as many lights as exact has are
+    as slow as it."""
+    of = {}
+    for row in rows.values():
+        if "draw" in row["labels"] and "point" in row:
+            of.setdefault(row["id"].rsplit("/", 1)[0], []).append(row)
+    for id, own in of.items():
+        points, labels = [r["point"] for r in own], own[0]["labels"]
+        row = derived(rows, id, {"draws": len(own), "least": min(p["error"] for p in points),
+                                 "most": max(p["error"] for p in points)}, [r["id"] for r in own],
+                      {k: v for k, v in labels.items() if k != "draw"})
+        row["point"] = {k: statistics.fmean(p[k] for p in points) for k in ("error", "flip")}
+        if labels["method"] != "others":
+            row["point"].update({k: statistics.median(p[k] for p in points) for k in ("frame", "shade", "share")})
 
 
 def add_points(rows):
@@ -118,3 +136,4 @@ def add_points(rows):
                 row["point"]["shade"] = None  # its shading is not apart
         elif exact and exact.whole_over_lit and "reference" in figures:
             row["point"] = of_alone(figures, exact)
+    add_means(rows)

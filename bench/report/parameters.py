@@ -187,7 +187,8 @@ def hashes(rows, scenes):
 def replays(rows, scenes):
     """One orientation for all grids, and more neighbours."""
     words = {"default": "default: 4 neighbours", "orientation": "one orientation for all grids",
-             "around-8": "8 neighbours", "around-64": "64 neighbours, of both ends"}
+             "around-8": "8 neighbours", "around-64": "64 neighbours: 8 around X times 8 around Y",
+             "around-72": "72: 8 around X times 9 around and at Y"}
     own = [r for r in rows.values() if r["labels"]["section"] == "parameters" and r["labels"]["value"] == "replayed" and
            r["labels"]["parameter"] in words]
     columns = [("scene", lambda r: name(r["labels"]["scene"])), ("", lambda r: name(words[r["labels"]["parameter"]])),
@@ -213,11 +214,14 @@ def replays(rows, scenes):
         said.append(f'{name(scene)}: one orientation takes {ratio("orientation_share")} the rays at '
                     f'{ratio("orientation_l_inf")} the error; {name("8 neighbours")} {ratio("around_8_share")} at '
                     f'{ratio("around_8_l_inf")}; {name("64")} {ratio("around_64_share")} at '
-                    f'{ratio("around_64_l_inf")}.')
+                    f'{ratio("around_64_l_inf")}; {name("72")} {ratio("around_72_share")} at '
+                    f'{ratio("around_72_l_inf")}.')
     caption = "Replayed pair by pair, cells unlimited in number, all lights refined. " + " ".join(said) + \
-              f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}, and asks the cells beside " \
-              f"the eye's alone, for efficiency {given('(Sect. 3.6)')}: beside the light's cell there may be no " \
-              "light, or one whose density puts it into cells of another size."
+              f" The paper saw light leaks with one orientation {given('(Sect. 3.3)')}. Its " \
+              f"{given('64 neighbours (Sect. 3.6)')} have another cell at both ends: what the cells beside the eye's " \
+              f"know of the same light is not among them; with it there are {given('72')}. Its algorithm asks " \
+              f"{given('4')}, all of the light's own cell, for efficiency. Beside the light's cell there " \
+              "may be no light, or one whose density puts it into cells of another size."
     return "<h3>One orientation, more neighbours</h3>" + figure(table(columns, own), caption, own)
 
 

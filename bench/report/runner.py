@@ -123,8 +123,9 @@ SHORT = 5.0  # seconds: what takes less is soon repeated, and soon disturbed
 
 
 def short(case, figures, seconds):
-    """Whether it is of a frame alone that took little. (Of `converged` each is one of many points of a curve.)"""
-    alone = "mode_run" in figures and "exact" not in figures
+    """Whether it is of a frame alone that took little. (Of `converged` each is one of many points of a curve, of
+    several draws each is one.)"""
+    alone = "mode_run" in figures and "exact" not in figures and "draw" not in case.labels
     return alone and seconds < SHORT and case.labels["section"] == "curves"
 
 

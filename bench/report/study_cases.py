@@ -30,7 +30,8 @@ def clusters(a, level):
 
 
 HASHES = ("split", "lcg-pair", "lcg-xorshift")
-REPLAYED = {"default": [], "orientation": ["--cn", "1"], "around-8": ["--around", "8"], "around-64": ["--around", "64"]}
+REPLAYED = {"default": [], "orientation": ["--cn", "1"], "around-8": ["--around", "8"], "around-64": ["--around", "64"],
+            "around-72": ["--around", "72"]}
 
 
 def parameters(a, level):

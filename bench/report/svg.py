@@ -215,7 +215,8 @@ class Plot:
             parts.append(f'<path d="M{left} {y(value):.1f}H{right}" stroke="#222" stroke-dasharray="7 4"/>')
         for value, words in self.vertical:
             parts.append(f'<path d="M{x(value):.1f} {top}V{bottom}" stroke="#222" stroke-dasharray="2 4"/>')
-            parts.append(text(x(value), top - 5, words, more=' class="axis"'))
+            middle = min(x(value), self.width - 2 - 0.3 * self.size * len(words))
+            parts.append(text(middle, top - 5, words, more=' class="axis"'))
         for s in self.series:
             dash = ' stroke-dasharray="5 4"' if s.dashed else ""
             parts.append(polyline([(at(p[0]), y(p[1])) for p in s.points], s.colour, f' stroke-width="2"{dash}'))

@@ -386,7 +386,7 @@ void estimator_light(estimator *o, const eye_sample *const *eyes, uint32_t count
 {
     if (!count)
         return;
-    o->random = rng_make(o->view->settings.seed ^ eyes[0]->random, 0x5eed);
+    o->random = rng_make(o->view->settings.seed ^ eyes[0]->random, 0x5eed + o->view->settings.frame);
     find_groups(o, eyes, count);
     uint32_t at = 0;
     for (group *g = o->groups; g < o->groups + o->group_count; g++) {

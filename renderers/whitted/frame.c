@@ -362,11 +362,12 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     job j = {.v = v, .record = record, .check = check, .out = out, .err = err};
     allocate(f, out);
     double start = now();
-    vpl_set vpls = vpls_new(v);
+    vpl_set own = v->vpls ? vpls_none : vpls_new(v);
+    const vpl_set *vpls = v->vpls ? v->vpls : &own;
     out->lights_s = now() - start;
-    j.vpls = &vpls;
+    j.vpls = vpls;
     frame_lights *lights = out->extra = xmalloc(sizeof *lights);
-    *lights = (frame_lights){.vpls = vpls.count, .punctual = v->scene->light_count, .samples = direct_sample_count(v)};
+    *lights = (frame_lights){.vpls = vpls->count, .punctual = v->scene->light_count, .samples = direct_sample_count(v)};
 
     int threads = parallel_thread_count(f->threads);
     j.stations = xcalloc((size_t)threads, sizeof *j.stations);
@@ -377,15 +378,15 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
         record->passes = xcalloc(record->pass_count, sizeof *record->passes);
     }
     uint32_t order[TILE * TILE], starts[HALTON_MAX_SEGMENTS + 1], segments;
-    j.mode = estimates(f->visibility) && !estimator_pays(v, &vpls) ? VISIBILITY_EXACT : f->visibility;
+    j.mode = estimates(f->visibility) && !estimator_pays(v, vpls) ? VISIBILITY_EXACT : f->visibility;
     double ce = !asks_cache(j.mode) ? 1.0 : (double)f->ce / sqrt(f->spp);
     halton_order(TILE, TILE, ce, order, starts, &segments);
     for (uint32_t i = 0; i < TILE * TILE; i++)
         j.rank[order[i]] = i;
 
     bool ok = (j.mode != VISIBILITY_GRID || make_grid(&j, threads, err)) &&
-              (!asks_cache(j.mode) || !f->shared || caches_new(v, &vpls, &j.shared, err)) &&
-              (!adapts(j.mode) || adaptive_rates_new(v, &vpls, &j.rates, err)) &&
+              (!asks_cache(j.mode) || !f->shared || caches_new(v, vpls, &j.shared, err)) &&
+              (!adapts(j.mode) || adaptive_rates_new(v, vpls, &j.rates, err)) &&
               (!j.rates || f->shared || learn_rates(&j, &j.stations[0]));
     lights->served = j.mode;
     if (ok) {
@@ -431,7 +432,7 @@ bool frame_render(const view *v, const char *title, bool quiet, truth *record, c
     vcache_adaptive_destroy(&j.rates);
     free(j.stations);
     free(j.tiles);
-    vpls_free(&vpls);
+    vpls_free(&own);
     return ok;
 }
 

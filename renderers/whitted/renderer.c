@@ -68,6 +68,7 @@ static void json(const void *context, const frame *f, cJSON *out)
     const frame_lights *l = lights_of(f);
     json_add_number(out, "lights", l->vpls + l->punctual + l->samples);
     json_add_number(out, "vpls", l->vpls);
+    json_add_number(out, "vpl_draw", s->vpl_draw);
     json_add_number(out, "punctual_lights", l->punctual);
     json_add_number(out, "samples", l->samples);
     json_add_number(out, "env_samples", s->env_samples);

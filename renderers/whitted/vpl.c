@@ -61,12 +61,17 @@ static void push(candidates *c, candidate item)
     c->items[c->count++] = item;
 }
 
+static uint64_t seed_of(const view *v)
+{
+    return v->settings.seed + (uint64_t)v->settings.vpl_draw * 0x9e3779b97f4a7c15u;
+}
+
 /* ------------------------------------------------------------------------------------------------- eye samples */
 
 /* One eye path through a random point of the image; specular surfaces choose one branch by its weight. */
 static bool pilot(const view *v, uint64_t index, eye_sample *out)
 {
-    rng r = rng_make(v->settings.seed ^ 0x70696c6f74u, index);
+    rng r = rng_make(seed_of(v) ^ 0x70696c6f74u, index);
     camera_frame f = camera_frame_of(&v->camera, v->settings.width, v->settings.height);
     float across = (rng_float(&r) - 0.5f) * f.plane_width, along = (rng_float(&r) - 0.5f) * f.plane_height, distance;
     vec3 o = f.eye, d = camera_plane_direction(&f, across, along, &distance);
@@ -118,7 +123,7 @@ static float weigh(const job *j, const candidate *c)
 
 static void light_path(const job *j, uint64_t index, candidates *out)
 {
-    rng r = rng_make(j->v->settings.seed ^ 0x76706cu, index);
+    rng r = rng_make(seed_of(j->v) ^ 0x76706cu, index);
     float u[6];
     for (int i = 0; i < 6; i++)
         u[i] = rng_float(&r);
@@ -345,7 +350,7 @@ vpl_set vpls_new(const view *v)
         if (j.pilot_count > 0)
             all = trace_candidates(&j, wanted, &paths);
         light_sources_free(j.sources);
-        resample(&all, wanted, v->settings.seed);
+        resample(&all, wanted, seed_of(v));
         sort_by_place(&all, v->scene->bounds_min, size);
     }
     vpl_set l = pack(&all, paths > 0 ? paths : 1, j.clamp);

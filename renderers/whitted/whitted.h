@@ -53,7 +53,9 @@ typedef struct settings {
     int env_samples, light_samples; /* per eye sample; with one more drawn by the material */
     int env_lights;                 /* the environment is also this many of the scene's directional lights */
     uint64_t seed;
-    int threads; /* 0: one per CPU */
+    int vpl_draw;   /* of the virtual point lights that the seed makes: eye paths stay as they are */
+    uint32_t frame; /* of a sequence: lights are drawn anew in each, eye paths stay */
+    int threads;    /* 0: one per CPU */
     visibility_mode visibility;
     bool lattice;            /* eye paths at the middles of k x k squares of their pixel, spp = k^2, at most PASS */
     vcache_grid_config grid; /* but for `pixels` and `rays` */
@@ -89,6 +91,7 @@ typedef struct view {
     const scene *scene;
     const tracer *tracer;
     const emitters *emitters; /* NULL: none */
+    const vpl_set *vpls;      /* NULL: each frame makes its own */
     camera camera;
     settings settings;
 } view;
