@@ -387,25 +387,26 @@ class Points(unittest.TestCase):
         exact = row("limit", 9, 0)
         exact["point"]["noise"] = 1.1
         points = [row("estimate", 4, 0.009), row("estimate", 6, 0.015), row("cache", 2, 0.009),
-                  row("cache", 1.5, 0.001), row("selection", 3, 0.015), row("estimate", 12, 0.009, scene="hall"),
+                  row("cache", 1.5, 0.001), row("selection", 3.5, 0.009), row("estimate", 12, 0.009, scene="hall"),
                   row("estimate", 13, 0.03, scene="hall"), row("selection", 8, 0.005, scene="hall"),
-                  row("adaptive", 2, 0.001, scene="other")]
-        lights = [row(kind, speed, 0.005) for kind, speed in (("cache", 0.75), ("cache", 0.5), ("estimate", 3))]
-        for r, kind in zip(lights, ("spots", "spots", "hair")):
+                  row("selection", 2, 0.001, scene="cave"), row("adaptive", 2, 0.001, scene="other")]
+        lights = [row(m, speed, error) for m, speed, error in (("cache", 0.75, 0.005), ("cache", 0.5, 0.004),
+                                                               ("cache", 0.9, 0.03), ("estimate", 3, 0.005))]
+        for r, kind in zip(lights, ("spots", "spots", "spots", "hair")):
             r["labels"].update(section="lights", kind=kind)
         rows = {r["id"]: r for r in [exact, *points, *lights]}
-        entries = [Entry(rows, scene, t) for scene in ("room", "hall", "other") for t in (0.01, 0.02)]
+        entries = [Entry(rows, scene, t) for scene in ("hall", "room", "cave", "other") for t in (0.01, 0.02)]
         with tempfile.TemporaryDirectory() as out:
             os.mkdir(os.path.join(out, "plots"))
             said = glance.section(argparse.Namespace(out=out), rows, entries)
         marks = re.findall(r'data-row="([^"]+)" data-x', said)  # of 1 and 2 %, one where these are the same
         self.assertEqual(sorted(marks), sorted(["room/estimate/4", "room/estimate/6", "room/cache/2",
-                                                "room/selection/3", "hall/estimate/12", "hall/selection/8",
-                                                "room/cache/0.75"]))
+                                                "room/selection/3.5", "hall/estimate/12", "hall/selection/8",
+                                                "cave/selection/2", "room/cache/0.75"]))
         words = re.sub(" +", " ", re.sub("<.*?>", "", said))
-        self.assertIn("is 4.00x to 12.00x as fast as exact with the estimate from the cache (in 2 of 2 scenes), 2.00x "
-                      "with the plain cache, which answers every pair (in 1 of 2 scenes), 8.00x with", words)
-        self.assertIn("the estimate is 1.50x as fast as stochastic selection", words)
+        self.assertIn("is 4.00x to 12.00x as fast as exact with the estimate from the cache (in 2 of 3 scenes), 2.00x "
+                      "with the plain cache, which answers every pair (in 1 of 3 scenes), 2.00x to 8.00x with", words)
+        self.assertIn("the estimate is 1.14x to 1.50x as fast as stochastic selection", words)
         self.assertIn("spots alone (room)", words)
         self.assertNotIn("hair", words)
 
@@ -461,6 +462,22 @@ class Plots(unittest.TestCase):
         self.assertNotIn("4.0123", said((4.0123, 7.7777, 19.876, 33.333))[0])  # measured
         _, places = said((1, 2, 4, 8), (1.0, 1.0, 1.0, 1.0))
         self.assertGreaterEqual(places["one"] - places["other"], 1.25 * 13 - 0.1)
+
+    def test_words_of_lines_stand_side_by_side_within_the_plot(self):
+        p = svg.Plot("error", "what", 500, 300, y_label=lambda v: f"{v:.9f}")
+        p.series = [svg.Series("one", [(0.0123, 0.1, None, ""), (0.0456, 0.2, None, "")], "#000", "circle")]
+        p.vertical = [(0.0455, "last words"), (0.02, "two"), (0.0205, "other lights"), (0.019, "one")]
+        found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" text-anchor="(\w+)"[^>]*>([^<]+)</text>', p.svg())
+        last = 0.0
+        for x, words in ((float(x), words) for x, y, _, words in found if float(y) == 41.0):
+            half = svg.width_of(words, 13) / 2
+            self.assertGreaterEqual(x - half, last - 0.1, words)
+            last = x + half
+        self.assertLessEqual(last, 500)
+        self.assertGreater(last, 400)
+        for x, _, anchor, words in found:  # nor is a label of the axis cut
+            if anchor == "end":
+                self.assertGreaterEqual(float(x), 0.58 * 13 * len(words))
 
     def test_front_is_steps(self):
         self.assertEqual(svg.steps([(3, 9), (1, 2), (2, 5)]), [(1, 2), (2, 2), (2, 5), (3, 5), (3, 9)])

@@ -83,12 +83,10 @@ def scene_section(a, rows, scene):
     paper = of_paper(rows, scene, first)
     places = "" .join(visibility_plots(a, first))
     said = f"{name(scene)}, {name(name_of(first))}: {setting(first)}. In {number(first, 'figures.pure', 'share')} " \
-           f"of the " \
-           "pairs the whole cluster is of one mind and nothing can go wrong. Over the bins the share of clusters " \
-           "that " \
-           f"answer visible is off V by {number(paper, 'figures.off_visible', 'percent')} (mean); without refinement " \
-           f"{number(paper, 'figures.off_wrong', 'times')} as many pairs are wrong as expected, with it " \
-           f"{number(paper, 'figures.left_by_refining', 'share')} of these remain."
+           "of the pairs the whole cluster is of one mind and nothing can go wrong. Over the bins the share of " \
+           f"clusters that answer visible is off V by {number(paper, 'figures.off_visible', 'percent')} (mean); " \
+           f"without refinement {number(paper, 'figures.off_wrong', 'times')} as many pairs are wrong as expected, " \
+           f"with it {number(paper, 'figures.left_by_refining', 'share')} of these remain."
     setting_of = ("setting", lambda r: name(name_of(r)))
     columns = [setting_of, ("a side, pixels", lambda r: number(r, "figures.distance.unit", "plain")),
                ("rays", lambda r: number(r, "figures.share", "share")),
@@ -97,13 +95,13 @@ def scene_section(a, rows, scene):
                ("beyond a side", lambda r: number(r, "figures.distance.beyond", "percent")),
                ("beyond a diagonal", lambda r: number(r, "figures.distance.diagonal", "percent"))]
     sides = [setting_of, *((head, lambda r, field=field: number(r, f"figures.distance.{field}", "error"))
-                           for head, field in (("mean distance, sides", "mean"), ("farthest", "largest"),
-                                               ("mean in the nearest quarter", "quarters.0.mean"),
-                                               ("in the farthest", "quarters.3.mean"),
+                           for head, field in (("mean distance, sides", "mean"), ("largest", "largest"),
+                                               ("mean of what is near", "quarters.0.mean"),
+                                               ("of what is far", "quarters.3.mean"),
                                                ("seen steeply", "slants.0.mean"), ("grazing", "slants.1.mean")))]
-    where = f"{name(scene)}: distance of each wrong answer from the nearest place in the image that sees the " \
-            f"light as " \
-            "was answered."
+    where = f"{name(scene)}: distance of each wrong answer from the nearest place in the image that sees the light " \
+            "as was answered, in sides of a cell. Near and far: the quarters of the eye samples that are nearest to " \
+            "the eye and farthest from it."
     return f"<h3>{name(scene)}</h3>" + figure(f'<div class="row">{places}</div>', said, [first]) + \
         figure(distance_plot(a, own) + table(columns, own, f"clusters-{scene}") + table(sides, own), where, own)
 
@@ -117,14 +115,11 @@ def verdict(rows, own):
                "diagonal": max(r["figures"]["distance"]["diagonal"] for r in apart),
                "largest": max(r["figures"]["distance"]["largest"] for r in apart)}
     row = derived(rows, "clusters/verdict", figures, [r["id"] for r in apart])
-    words = f"In {number(row, 'figures.held', 'count')} of {number(row, 'figures.settings', 'count')} settings " \
-            f"less than " \
-            f"{given('1 %')} of the wrong answers lie farther than one side from a true edge; at most " \
+    words = f"In {number(row, 'figures.held', 'count')} of {number(row, 'figures.settings', 'count')} settings less " \
+            f"than {given('1 %')} of the wrong answers lie farther than one side from a true edge; at most " \
             f"{number(row, 'figures.beyond', 'percent')} do, {number(row, 'figures.diagonal', 'percent')} farther " \
-            f"than a " \
-            f"diagonal, none farther than {number(row, 'figures.largest', 'error')} sides. (A cell is a square on " \
-            f"its " \
-            "surface: seen at a grazing angle it is up to twice as long in the image as it should be.)"
+            f"than a diagonal, none farther than {number(row, 'figures.largest', 'error')} sides. (A cell is a " \
+            "square on its surface: seen at a grazing angle it is up to twice as long in the image as it should be.)"
     shared = [r for r in own if r["labels"]["variant"] == "shared"]
     if shared:
         worst = max(shared, key=lambda r: r["figures"]["distance"]["beyond"])
@@ -137,13 +132,9 @@ def verdict(rows, own):
 def section(a, rows):
     own = [r for r in rows.values() if r["labels"]["section"] == "clusters"]
     head = "<p>Each pair of an eye sample and a virtual point light, with no limit of memory, against exact " \
-           "visibility. " \
-           f"Popov et al. {given('(2013)')} argue that the first pair speaks for a cluster, which is therefore " \
-           f"visible " \
-           f"with a probability of V, its average visibility {given('(Eq. 12)')}, so that {given('2 V (1 - V)')} " \
-           f"of the pairs " \
-           f"of all such clusters are wrong; and that errors stay within C_E x C_E eye samples " \
-           f"{given('(Sect. 3.4)')}, " \
-           "wherever in the image.</p>"
+           f"visibility. Popov et al. {given('(2013)')} argue that the first pair speaks for a cluster (all pairs of " \
+           "an eye cell and a light), which is therefore visible with a probability of V, its average visibility " \
+           f"{given('(Eq. 12)')}, so that {given('2 V (1 - V)')} of the pairs of all such clusters are wrong; and " \
+           f"that errors stay within C_E x C_E eye samples {given('(Sect. 3.4)')}, wherever in the image.</p>"
     scenes = list(dict.fromkeys(r["labels"]["scene"] for r in own))
     return head + verdict(rows, own) + "\n".join(scene_section(a, rows, s) for s in scenes)

@@ -8,6 +8,19 @@ from report.svg import head, marker, text, told, width_of
 # method: how the sentence calls it
 SHOWN = {"estimate": "the estimate from the cache", "cache": "the plain cache, which answers every pair",
          "selection": "stochastic selection of lights without a cache"}
+METHODS_SAID = [
+    ("estimate", "K rays a path, drawn by what a light brings and how little the cache is sure of it; what the cache "
+     "expects of all lights is added, and the rays correct it. Noise, no bias."),
+    ("cached-selection", "K rays a path, drawn by what a light brings times what the cache expects of it; nothing is "
+     "added. Noise, no bias."),
+    ("cache", "each light at each path is answered by the cache, a ray is traced where it does not know. An error that "
+     "stays, no noise. Not refined: one size of cells. Pair by pair: not by rows of lights."),
+    ("selection", "K rays a path, drawn by what a light would bring if it were seen: without a cache. Noise, no bias."),
+    ("fewer", "all rays, to fewer virtual lights."),
+    ("adaptive", "rays to lights from the brightest on, until the next ones would bring less than T of what was seen; "
+     "the rest is added by how often lights were seen so far. With the cache: it answers what is tested."),
+    ("grid", "of lights that stand for a sky, those on which neighbours in the image disagree."),
+    ("bdpt", "bidirectional path tracing whose connections the cache answers, beside the exact one.")]
 LITTLE = 1.5  # times as fast as exact: kinds of light in which the cache never reaches it are shown
 WIDTH, TOP, LANE, GAP, SIZE = 1130, 62, 12, 7, 13
 
@@ -121,5 +134,6 @@ def section(a, rows, entries):
     drawn = plot(scenes(entries) + hard_lights(rows, targets), [e.target for e in entries[:2]])
     knobs = "K: rays a path; C_E: eye samples a cell side; T: tolerance. No mark, or a dash: no setting within the " \
             f"error. Last: kinds of light alone in which no C_E makes a frame {given(f'{LITTLE:g}')} times as fast."
+    items = "".join(f"<li><b>{METHODS[m].name}</b>: {words}</li>" for m, words in METHODS_SAID)
     return sentence(rows, [e for e in entries if e.error == targets[0]]) + save_plot(a, "glance.svg", drawn) + \
-        f"<p>{knobs}</p>"
+        f"<p>{knobs}</p><details><summary>what the methods do</summary><ul>{items}</ul></details>"

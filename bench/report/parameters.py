@@ -84,7 +84,7 @@ def default_row(rows, scene, parameter, base):
 
 def plot(a, scene, parameter, own):
     own = sorted(own, key=lambda r: r["figures"]["value"])
-    p = Plot(WHAT[parameter][0], f"{scene}: times the default's", 440, 320, 12, y_label=lambda v: f"{v:g}x",
+    p = Plot(WHAT[parameter][0], f"{scene}: times the default's", 480, 320, 12, y_label=lambda v: f"{v:g}x",
              x_axis=logarithmic if own[0]["figures"]["value"] > 0 else from_zero)
     for field, words, colour, shape in DRAWN:
         points = [(r["figures"]["value"], r["figures"][field], attributes(r, x="figures.value", y=f"figures.{field}"),

@@ -53,7 +53,7 @@ def grid(x, y, box, x_label=label, y_label=label, size=12):
     """Lines at the ticks of both axes with their labels; `box`: left, right, top, bottom."""
     left, right, top, bottom = box
     parts = []
-    for value, labelled in x.ticks(lambda v: width_of(x_label(v), size) + size / 2):
+    for value, labelled in x.ticks(lambda v: 0.9 * width_of(x_label(v), size)):
         parts.append(f'<path d="M{x(value):.1f} {top}V{bottom}" stroke="{"#ccc" if labelled else "#eee"}"/>')
         if labelled:
             parts.append(text(x(value), bottom + 18, x_label(value), more=' class="axis"'))
@@ -213,10 +213,13 @@ class Plot:
             parts.append(polyline([(at(a), y(b)) for a, b in steps(self.front)], "#ffe680", broad))
         for value, words in self.horizontal:
             parts.append(f'<path d="M{left} {y(value):.1f}H{right}" stroke="#222" stroke-dasharray="7 4"/>')
-        for value, words in self.vertical:
+        end = 0.0
+        for value, words in sorted(self.vertical):
             parts.append(f'<path d="M{x(value):.1f} {top}V{bottom}" stroke="#222" stroke-dasharray="2 4"/>')
-            middle = min(x(value), self.width - 2 - 0.3 * self.size * len(words))
+            half = width_of(words, self.size) / 2
+            middle = min(max(x(value), end + half), self.width - 2 - half)  # beside the words of the line before
             parts.append(text(middle, top - 5, words, more=' class="axis"'))
+            end = middle + half
         for s in self.series:
             dash = ' stroke-dasharray="5 4"' if s.dashed else ""
             parts.append(polyline([(at(p[0]), y(p[1])) for p in s.points], s.colour, f' stroke-width="2"{dash}'))
