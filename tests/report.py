@@ -464,17 +464,20 @@ class Plots(unittest.TestCase):
         self.assertGreaterEqual(places["one"] - places["other"], 1.25 * 13 - 0.1)
 
     def test_words_of_lines_stand_side_by_side_within_the_plot(self):
-        p = svg.Plot("error", "what", 500, 300, y_label=lambda v: f"{v:.9f}")
+        p = svg.Plot("error", "what", 480, 300, y_label=lambda v: f"{v:.9f}")
         p.series = [svg.Series("one", [(0.0123, 0.1, None, ""), (0.0456, 0.2, None, "")], "#000", "circle")]
-        p.vertical = [(0.0455, "last words"), (0.02, "two"), (0.0205, "other lights"), (0.019, "one")]
+        p.vertical = [(0.0455, "last words"), (0.02, "two"), (0.0205, "others"), (0.019, "one")]
         found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" text-anchor="(\w+)"[^>]*>([^<]+)</text>', p.svg())
         last = 0.0
         for x, words in ((float(x), words) for x, y, _, words in found if float(y) == 41.0):
             half = svg.width_of(words, 13) / 2
             self.assertGreaterEqual(x - half, last - 0.1, words)
             last = x + half
-        self.assertLessEqual(last, 500)
+        self.assertLessEqual(last, 480)
         self.assertGreater(last, 400)
+        p.vertical = [(0.0455, "words that would be cut off")]
+        x = float(re.search(r'x="([\d.]+)"[^>]*>words', p.svg()).group(1))
+        self.assertLessEqual(x + svg.width_of("words that would be cut off", 13) / 2, 480)
         for x, _, anchor, words in found:  # nor is a label of the axis cut
             if anchor == "end":
                 self.assertGreaterEqual(float(x), 0.58 * 13 * len(words))
