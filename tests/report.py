@@ -447,6 +447,8 @@ class Plots(unittest.TestCase):
                     for a, b in zip(labelled, labelled[1:]):
                         self.assertGreaterEqual(axis(b) - axis(a), (room(a) + room(b)) / 2)
                     self.assertTrue(all(axis.low <= v <= axis.high * 1.000001 for v, _ in ticks))
+        ticks = axes.logarithmic([0.65, 1.75], 200.0, 0.0).ticks()
+        self.assertGreaterEqual(sum(said for _, said in ticks), 4)  # not 1 and 1.5 alone
 
     def test_values_of_a_knob_are_its_labels(self):
         def said(xs, ys=(0.1, 0.2, 0.4, 0.7)):

@@ -11,7 +11,7 @@ def label(value):
 
 
 def multiples(low, high):
-    """Lists of the multiples of 1, 2, 5 ... between, of which the first has the most."""
+    """Lists of the multiples of 1, 2, 5 ... between."""
     decade = math.floor(math.log10(high - low)) - 1
     steps = [float(f"{m}e{d}") for d in (decade, decade + 1) for m in (1, 2, 5)]
     return [[float(f"{i * s:.9g}") for i in range(math.ceil(low / s - 1e-9), math.floor(high / s + 1e-9) + 1)]
@@ -35,11 +35,10 @@ class Round:
                 if not kept or apart(self, room, kept[-1], v):
                     kept.append(v)
             return kept
-        for values in self.rungs():
-            values = [v for v in values if self.low <= v <= self.high * (1 + 1e-9)]
-            if 2 <= len(values) <= MOST and all(apart(self, room, a, b) for a, b in zip(values, values[1:])):
-                return values
-        return []
+        lists = [[v for v in values if self.low <= v <= self.high * (1 + 1e-9)] for values in self.rungs()]
+        fitting = [values for values in lists if 2 <= len(values) <= MOST and
+                   all(apart(self, room, a, b) for a, b in zip(values, values[1:]))]
+        return max(fitting, key=len, default=[])
 
     def ticks(self, room=lambda value: 20):
         """(value, whether it is labelled)."""

@@ -107,22 +107,26 @@ def sentence(rows, entries):
     of = {m: [e.found[m] for e in entries if m in e.found] for m in SHOWN}
     row = derived(rows, "headline/reached", {"scenes": len(entries), **{m: len(found) for m, found in of.items()}},
                   [r["id"] for found in of.values() for r in found])
-    said = []
+    said, lacking = [], [words for m, words in SHOWN.items() if not of[m]]
     for m, found in of.items():
         found.sort(key=lambda r: r["point"]["frame"])
-        speeds = f'<b>{span((found[0], "point.frame"), (found[-1], "point.frame"))}</b>' if found else "nowhere"
-        said.append(f'{speeds}{"" if said else " as fast as exact"} with {SHOWN[m]} (in '
-                    f'{number(row, f"figures.{m}", "count")} of {number(row, "figures.scenes", "count")} scenes)')
+        if found:
+            said.append(f'<b>{span((found[0], "point.frame"), (found[-1], "point.frame"))}</b>'
+                        f'{"" if said else " as fast as exact"} with {SHOWN[m]} (in '
+                        f'{number(row, f"figures.{m}", "count")} of {number(row, "figures.scenes", "count")} scenes)')
     both = [e.found["estimate"]["point"]["frame"] / e.found["selection"]["point"]["frame"] for e in entries
             if "estimate" in e.found and "selection" in e.found]
-    more = ""
+    more = [f"a whole frame is {', '.join(said)}"] if said else []
+    more += [f"no setting of {' or of '.join(lacking)} that was measured gets there"] if lacking else []
+    more = [f"Within an error (l_inf) of {given(entries[0].target)} " + "; ".join(more) + "."]
+    if any(0 < len(found) < len(entries) for found in of.values()):
+        more.append("In the other scenes no setting that was measured gets there.")
     if both:
         ratios = derived(rows, "headline/ratios", {"least": min(both), "most": max(both)},
                          [r["id"] for m in ("estimate", "selection") for r in of[m]])
-        more = f' Where both get there the estimate is {span((ratios, "figures.least"), (ratios, "figures.most"))} ' \
-               "as fast as stochastic selection."
-    return f'<p class="lead">Within an error (l_inf) of {given(entries[0].target)} a whole frame is ' \
-           f'{", ".join(said)}. In the other scenes no setting that was measured gets there.{more}</p>'
+        more.append(f'Where both get there the estimate is {span((ratios, "figures.least"), (ratios, "figures.most"))} '
+                    "as fast as stochastic selection.")
+    return f'<p class="lead">{" ".join(more)}</p>'
 
 
 def section(a, rows, entries):

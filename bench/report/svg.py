@@ -49,11 +49,15 @@ def width_of(words, size):
     return size * (0.62 * len(words) + 0.6)
 
 
+def width_of_number(words, size):
+    return size * sum({".": 0.32, ",": 0.32, " ": 0.32, "-": 0.36, "%": 0.95}.get(c, 0.64) for c in words)
+
+
 def grid(x, y, box, x_label=label, y_label=label, size=12):
     """Lines at the ticks of both axes with their labels; `box`: left, right, top, bottom."""
     left, right, top, bottom = box
     parts = []
-    for value, labelled in x.ticks(lambda v: 0.9 * width_of(x_label(v), size)):
+    for value, labelled in x.ticks(lambda v: width_of_number(x_label(v), size) + 0.4 * size):
         parts.append(f'<path d="M{x(value):.1f} {top}V{bottom}" stroke="{"#ccc" if labelled else "#eee"}"/>')
         if labelled:
             parts.append(text(x(value), bottom + 18, x_label(value), more=' class="axis"'))
@@ -101,12 +105,13 @@ def place_labels(series, box, size, placed):
         best = None
         for rank, (x, y) in enumerate(s.points[::-1]):
             for dx, dy in ((9, 4), (9, -7), (9, 15), (-9 - width, 4), (-9 - width, -7), (-9 - width, 15),
-                           (-width / 2, -11), (-width / 2, 20)):
+                           (-width / 2, -11), (-width / 2, 20), (9, -18), (9, 26), (-9 - width, -18), (-9 - width, 26)):
                 place = (x + dx, y + dy - 0.8 * size, x + dx + width, y + dy + 0.25 * size)
                 outside = max(0, left + 2 - place[0]) + max(0, place[2] - right + 2) + max(0, top + 2 - place[1]) + \
                     max(0, place[3] - bottom + 2)
-                cost = 60 * outside + 3 * rank + sum(6 * overlap(place, b) for b in placed) + \
+                covered = sum(6 * overlap(place, b) for b in placed) + \
                     sum(overlap(place, b) * (0.6 if owner is s else 1.5 if owner else 4.0) for b, owner in taken)
+                cost = 60 * outside + 3 * rank + 2 * max(0, abs(dy - 4) - 16) + covered
                 if best is None or cost < best[0]:
                     best = (cost, x + dx, y + dy, place)
         labels.append((s.name, best[1], best[2], s.colour))
@@ -164,7 +169,7 @@ class Plot:
             xs = [max(x, self.floor) for x in xs] or [self.floor, 1.0]
         y = self.y_axis(ys or [1.0], bottom, top)
         labels = [self.y_label(v) for v, labelled in y.ticks(lambda v: 1.7 * self.size) if labelled]
-        left = max([width_of(words, self.size) for words in labels], default=0) + 16
+        left = max([width_of_number(words, self.size) for words in labels], default=0) + 16
         names = [width_of(s.name, self.size) for s in self.series] if self.named_at_the_end() else []
         right = self.width - max(names, default=-8) - 26
         x = self.x_axis(xs or [1.0], left, right)
