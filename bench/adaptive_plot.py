@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A figure of adaptive shadow testing over the tolerance, a curve for each certainty, as SVG text; both axes linear."""
 from convergence_plot import BOX, HEIGHT, LEFT, TOP, WIDTH
-from report.svg import Linear, grid, head, marker, polyline, text
+from report.axes import Linear
+from report.svg import grid, head, marker, polyline, text
 
 STYLES = {0: ("#444444", "cross"), 0.25: ("#0072b2", "square"), 0.5: ("#e69f00", "up"), 0.75: ("#009e73", "diamond"),
           1: ("#d55e00", "circle")}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Curves of error over time as SVG text, both axes logarithmic."""
-from report.svg import Axis, grid, head, marker, polyline, text
+from report.axes import Axis
+from report.svg import grid, head, marker, polyline, text
 
 WIDTH, HEIGHT = 700, 460
 LEFT, RIGHT, TOP, BOTTOM = 60, 16, 44, 52  # around the axes

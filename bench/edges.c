@@ -9,7 +9,8 @@
  * Where the row below has an edge too, at most two pixels aside, the change of the shift from one to the other is
  * raggedness that exact does not have: its root mean square, in pixels. Orders of eye samples: the renderer's own
  * (Halton order in tiles along a Morton curve), scanlines, random; with refinement and without. Prints JSON. --picture:
- * the image in each way as PREFIX-WAY.png and of the worst place, the same in all, PREFIX-zoom-WAY.png.
+ * the image in each way as PREFIX-WAY.png and of the square where most edges show, the same in all,
+ * PREFIX-zoom-WAY.png.
  */
 #include "lighting.h"
 
@@ -29,7 +30,7 @@ static const way ways[] = {
     {"halton", ORDER_HALTON, 0},       {"scanline", ORDER_SCANLINE, 0},       {"random", ORDER_RANDOM, 0},
     {"halton-plain", ORDER_HALTON, 1}, {"scanline-plain", ORDER_SCANLINE, 1}, {"random-plain", ORDER_RANDOM, 1},
 };
-enum { WAYS = sizeof ways / sizeof *ways, JOINED = 2 };
+enum { WAYS = sizeof ways / sizeof *ways, JOINED = 2, SIDE = 64 }; /* SIDE: of what is enlarged, in pixels */
 
 /* A view with one eye sample a pixel. */
 typedef struct scan {
@@ -42,6 +43,8 @@ typedef struct scan {
 typedef struct shifts {
     uint64_t edges, pairs;
     double sum, absolute, ragged; /* of squares, the last */
+    const image *shown;           /* the exact image; NULL where `where` is not wanted */
+    float *where;                 /* of each pixel: how much of the edges before it shows, by the root of light */
 } shifts;
 
 static scan scan_new(const settings *f, const eye_list *eyes, uint32_t half)
@@ -99,6 +102,11 @@ static bool edge(const scan *s, const light_bits *exact, const light_bits *other
     return true;
 }
 
+static float contrast(rgb a, rgb b)
+{
+    return fabsf(sqrtf(luminance(a)) - sqrtf(luminance(b)));
+}
+
 /* All edges of a light across rows (`down` false: shifts to the right) or columns. */
 static void measure(const scan *s, const light_bits *exact, const light_bits *other, uint32_t of_light, bool down,
                     shifts *out)
@@ -119,6 +127,10 @@ static void measure(const scan *s, const light_bits *exact, const light_bits *ot
                 continue;
             now[i] = shift;
             out->edges++;
+            if (out->shown) {
+                size_t behind = row * next + (i + s->half) * step;
+                out->where[behind] += contrast(out->shown->pixels[behind - step], out->shown->pixels[behind]);
+            }
             out->sum += shift;
             out->absolute += fabs(shift);
             for (uint32_t k = i < JOINED ? 0 : i - JOINED; k <= i + JOINED && k < along; k++)
@@ -140,15 +152,16 @@ static double share(double sum, uint64_t count)
 
 static void print(const way *w, const scan *s, const stage *of, const lit *exact, const lit *l, ray_counts rays)
 {
-    shifts x = {0}, y = {0};
+    shifts x = {.shown = NULL}, y = {.shown = NULL};
     for (uint32_t i = 0; i < of->scene->light_count; i++) {
         measure(s, &exact->bits, &l->bits, i, false, &x);
         measure(s, &exact->bits, &l->bits, i, true, &y);
     }
-    printf("{\"name\": \"%s\", \"edges\": %llu, \"pairs\": %llu, \"right\": %.9g, \"down\": %.9g, \"off\": %.9g, "
-           "\"ragged\": %.9g, ",
-           w->name, (unsigned long long)(x.edges + y.edges), (unsigned long long)(x.pairs + y.pairs),
-           share(x.sum, x.edges), share(y.sum, y.edges), share(x.absolute + y.absolute, x.edges + y.edges),
+    printf("{\"name\": \"%s\", \"edges\": %llu, \"rows\": %llu, \"columns\": %llu, \"pairs\": %llu, ", w->name,
+           (unsigned long long)(x.edges + y.edges), (unsigned long long)x.edges, (unsigned long long)y.edges,
+           (unsigned long long)(x.pairs + y.pairs));
+    printf("\"right\": %.9g, \"down\": %.9g, \"off\": %.9g, \"ragged\": %.9g, ", share(x.sum, x.edges),
+           share(y.sum, y.edges), share(x.absolute + y.absolute, x.edges + y.edges),
            sqrt(share(x.ragged + y.ragged, x.pairs + y.pairs)));
     printf("\"rays\": %.9g, \"mispredicted\": %.9g, \"l_inf\": %.9g}", share((double)rays.traced, rays.asked),
            lit_mispredicted(l, exact, s->eyes->count), image_compare(&l->image, &exact->image).l_inf);
@@ -156,24 +169,26 @@ static void print(const way *w, const scan *s, const stage *of, const lit *exact
 
 /* ------------------------------------------------------------------------------------------------------- pictures */
 
-/* The square where the images differ most from the exact one, all together. */
-static void worst(const image *exact, const lit lits[WAYS], uint32_t side, uint32_t *x, uint32_t *y)
+/* The square in which most edges show, those of all lights together. */
+static void most_edges(const scan *s, const lit *exact, uint32_t lights, uint32_t side, uint32_t *x, uint32_t *y)
 {
+    shifts found = {.shown = &exact->image, .where = xcalloc((size_t)s->width * s->height, sizeof *found.where)};
+    uint32_t pace = side > 8 ? side / 8 : 1;
     double most = -1.0;
-    for (uint32_t v = 0; v + side <= exact->height; v += side / 4)
-        for (uint32_t u = 0; u + side <= exact->width; u += side / 4) {
+    for (uint32_t i = 0; i < lights; i++) {
+        measure(s, &exact->bits, &exact->bits, i, false, &found);
+        measure(s, &exact->bits, &exact->bits, i, true, &found);
+    }
+    for (uint32_t v = 0; v + side <= s->height; v += pace)
+        for (uint32_t u = 0; u + side <= s->width; u += pace) {
             double sum = 0.0;
             for (uint32_t j = v; j < v + side; j++)
                 for (uint32_t i = u; i < u + side; i++)
-                    for (int k = 0; k < WAYS; k++) {
-                        rgb a = exact->pixels[(size_t)j * exact->width + i];
-                        rgb b = lits[k].image.pixels[(size_t)j * exact->width + i];
-                        /* as it shows: by the root */
-                        sum += (double)fabsf(sqrtf(luminance(a)) - sqrtf(luminance(b)));
-                    }
+                    sum += (double)found.where[(size_t)j * s->width + i];
             if (sum > most)
                 most = sum, *x = u, *y = v;
         }
+    free(found.where);
 }
 
 static bool save(const char *prefix, const char *name, const image *i, float exposure, uint32_t x, uint32_t y,
@@ -190,12 +205,14 @@ static bool save(const char *prefix, const char *name, const image *i, float exp
     return ok;
 }
 
-static bool save_all(const char *prefix, const lit *exact, const lit lits[WAYS], message *err)
+static bool save_all(const char *prefix, const scan *s, uint32_t lights, const lit *exact, const lit lits[WAYS],
+                     message *err)
 {
     const image *e = &exact->image;
-    uint32_t smaller = e->width < e->height ? e->width : e->height, side = smaller < 40 ? smaller : 40, x = 0, y = 0;
+    uint32_t smaller = e->width < e->height ? e->width : e->height, side = smaller < SIDE ? smaller : SIDE, x = 0,
+             y = 0;
     float exposure = image_exposure(e);
-    worst(e, lits, side, &x, &y);
+    most_edges(s, exact, lights, side, &x, &y);
     printf(", \"x\": %u, \"y\": %u, \"side\": %u", x, y, side);
     bool ok = save(prefix, "exact", e, exposure, x, y, side, err);
     for (int i = 0; i < WAYS && ok; i++)
@@ -241,7 +258,7 @@ static bool compare(stage *s, const char *prefix, message *err)
         printf("{");
         stage_print(s, eyes.count);
         printf(", \"ce\": %g, \"half\": %u", (double)s->view.settings.ce, of.half);
-        ok = !prefix || save_all(prefix, &exact, lits, err);
+        ok = !prefix || save_all(prefix, &of, s->scene->light_count, &exact, lits, err);
         printf(", \"ways\": [");
         for (int i = 0; i < WAYS; i++) {
             printf("%s", i ? ", " : "");

@@ -139,7 +139,7 @@ class Edges(unittest.TestCase):
             ways = by_name(ways)
             self.assertEqual(len(os.listdir(out)), 14)
             with open(prefix + "-zoom-scanline.png", "rb") as f:
-                self.assertEqual(struct.unpack(">II", f.read(24)[16:]), (40, 40))
+                self.assertEqual(struct.unpack(">II", f.read(24)[16:]), (64, 64))
         for plain in ("", "-plain"):
             halton, scanline, random = (ways[o + plain] for o in ("halton", "scanline", "random"))
             self.assertGreater(scanline["right"], 0.5)
@@ -156,8 +156,13 @@ class Edges(unittest.TestCase):
             path, found = os.path.join(out, "ground.gltf"), []
             for ground in (quad(0, 0, 0, 4), bumps(40, 0.02)):
                 write_scene(path, ground + quad(0, 2, 0, 0.5), lamp, {"translation": [0, 4, 0]})
-                ways = run("edges", path, "--look", "0,1.9,6,0,0,0,60", "--size", "128x128", "--ce", "4")["ways"]
-                found.append(ways[0]["edges"])
+                said = run("edges", path, "--look", "0,1.9,6,0,0,0,60", "--size", "128x128", "--ce", "4", "--picture",
+                           os.path.join(out, "e"))
+                found.append(said["ways"][0]["edges"])
+                for w in said["ways"]:
+                    self.assertEqual(w["rows"] + w["columns"], w["edges"])
+                if found[-1]:  # the shadow lies in the middle, and so does what is enlarged
+                    self.assertTrue(all(said[k] <= 64 < said[k] + said["side"] for k in ("x", "y")), said)
         self.assertGreater(found[0], 30)
         self.assertEqual(found[1], 0)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """bench/report: a small report, whose every number must come from a row, and how it goes on after a stop.
 Usage: report.py BENCH WHITTED BDPT ZOOM CLUSTERS"""
+import argparse
 import html.parser
 import json
 import os
@@ -18,9 +19,10 @@ BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
-from report import methods, svg  # noqa: E402
+from report import axes, edges, glance, methods, svg  # noqa: E402
 from report.curves import best  # noqa: E402
 from report.headline import Entry  # noqa: E402
+from report.levels import LEVELS  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
 from report.curves import rays_cost, step_in_rays  # noqa: E402
 from report.parameters import verdict  # noqa: E402
@@ -145,7 +147,7 @@ class Report(unittest.TestCase):
         alone = self.rows()
         with tempfile.TemporaryDirectory() as folder:  # medians of two: each beside an exact frame of its own
             self.run_it("--runs", "2", "--filter", "^curves/shapes/(estimate|adaptive)/", "--out", folder)
-            beside = json.loads(read(os.path.join(folder, "rows.json")))
+            beside = [r for r in json.loads(read(os.path.join(folder, "rows.json"))) if "point" in r]
         self.assertEqual(len(beside), 3)
         repeated = [r["figures"] for r in alone.values() if "frames_s" in r["figures"]]
         self.assertGreater(len(repeated), 10)
@@ -227,8 +229,12 @@ class Report(unittest.TestCase):
         for n in numbers:
             self.assertTrue(any(t.startswith(n) for t in page.texts), n)
         self.assertEqual(re.findall(r"<|&\w+;", re.sub("<= ", "", text)), [])
+        self.assertNotRegex(text, r"(?m)^[.,;]")  # what is of a plot alone leaves no hole
         path = os.path.join(self.folder.name, "page.md")
-        for sections, status in ((("headline, table", "maps"), 0), (("headline", "nothing"), 1), ((), 1)):
+        scene = next(r["labels"]["scene"] for r in self.rows().values() if r["labels"]["section"] == "maps")
+        named = (f"maps, maps-{scene}", "headline, lead")
+        for sections, status in ((("headline, table", "maps"), 0), (named, 0), (("headline", "nothing"), 1), ((), 1),
+                                 (("headline, table", "headline, nothing"), 1)):
             before = "".join(f"A page\n<!-- report: {s} -->\nold\n<!-- end of report -->\n" for s in sections)
             with open(path, "w") as f:
                 f.write(before)
@@ -239,11 +245,14 @@ class Report(unittest.TestCase):
             else:
                 parts = read(path).split("<!-- ")
                 self.assertEqual([p.split(" -->")[0] for p in parts[1:]],
-                                 ["report: headline, table", "end of report", "report: maps", "end of report"])
+                                 [f"report: {sections[0]}", "end of report", f"report: {sections[1]}", "end of report"])
                 for p in (parts[1], parts[3]):
                     self.assertIn(p.split(" -->\n")[1].strip(), text)
-                    self.assertGreater(p.count("\n|"), 3)
+                    self.assertTrue(p.count("\n|") > 3 or "lead" in p, p)
                 self.assertEqual(len(parts[1].strip().split("\n\n")), 1)
+                if "lead" in sections[1]:
+                    self.assertIn("as fast as exact", parts[3])
+                    self.assertNotIn("|", parts[3])
 
     def test_parts_are_there(self):
         for folder, end, least in (("plots", ".svg", 10), ("pictures", ".png", 16)):
@@ -374,6 +383,33 @@ class Points(unittest.TestCase):
         self.assertRegex(entry.sentence(), "nearest.*5.00 %")
         self.assertIsNone(Entry({r["id"]: r for r in [exact, cache(1.05)]}, "room", 0.02).winner)
 
+    def test_at_a_glance(self):
+        exact = row("limit", 9, 0)
+        exact["point"]["noise"] = 1.1
+        points = [row("estimate", 4, 0.009), row("estimate", 6, 0.015), row("cache", 2, 0.009),
+                  row("cache", 1.5, 0.001), row("selection", 3.5, 0.009), row("estimate", 12, 0.009, scene="hall"),
+                  row("estimate", 13, 0.03, scene="hall"), row("selection", 8, 0.005, scene="hall"),
+                  row("selection", 2, 0.001, scene="cave"), row("adaptive", 2, 0.001, scene="other")]
+        lights = [row(m, speed, error) for m, speed, error in (("cache", 0.75, 0.005), ("cache", 0.5, 0.004),
+                                                               ("cache", 0.9, 0.03), ("estimate", 3, 0.005))]
+        for r, kind in zip(lights, ("spots", "spots", "spots", "hair")):
+            r["labels"].update(section="lights", kind=kind)
+        rows = {r["id"]: r for r in [exact, *points, *lights]}
+        entries = [Entry(rows, scene, t) for scene in ("hall", "room", "cave", "other") for t in (0.01, 0.02)]
+        with tempfile.TemporaryDirectory() as out:
+            os.mkdir(os.path.join(out, "plots"))
+            said = glance.section(argparse.Namespace(out=out), rows, entries)
+        marks = re.findall(r'data-row="([^"]+)" data-x', said)  # of 1 and 2 %, one where these are the same
+        self.assertEqual(sorted(marks), sorted(["room/estimate/4", "room/estimate/6", "room/cache/2",
+                                                "room/selection/3.5", "hall/estimate/12", "hall/selection/8",
+                                                "cave/selection/2", "room/cache/0.75"]))
+        words = re.sub(" +", " ", re.sub("<.*?>", "", said))
+        self.assertIn("is 4.00x to 12.00x as fast as exact with the estimate from the cache (in 2 of 3 scenes), 2.00x "
+                      "with the plain cache, which answers every pair (in 1 of 3 scenes), 2.00x to 8.00x with", words)
+        self.assertIn("the estimate is 1.14x to 1.50x as fast as stochastic selection", words)
+        self.assertIn("spots alone (room)", words)
+        self.assertNotIn("hair", words)
+
     def test_what_is_better_in_each_scene_corrects_a_default(self):
         def of(default, *values):
             rows = [{"id": str(v), "labels": {"words": str(v)},
@@ -393,9 +429,72 @@ class Points(unittest.TestCase):
 
 class Plots(unittest.TestCase):
     def test_what_lies_beyond_stands_at_the_border(self):
-        axis = svg.Axis([1.0, 100.0], 0.0, 10.0)
+        axis = axes.Axis([1.0, 100.0], 0.0, 10.0)
         self.assertEqual((axis(1e-9), axis(1e9)), (0.0, 10.0))
         self.assertAlmostEqual(axis(10.0), 5.0)
+
+    def test_labels_of_axes_do_not_touch(self):
+        def room(value):
+            return 8.0 * len(axes.label(value)) + 6.0
+
+        for make in (axes.logarithmic, axes.from_zero):
+            for low in (0.00013, 0.7, 3.0, 940.0):
+                for ratio in (1.0, 1.02, 1.3, 3.0, 12.0, 700.0, 1e5):
+                    axis = make([low, low * ratio], 0.0, 320.0)
+                    ticks = axis.ticks(room)
+                    labelled = [v for v, said in ticks if said]
+                    self.assertTrue(2 <= len(labelled) <= axes.MOST, (low, ratio, labelled))
+                    for a, b in zip(labelled, labelled[1:]):
+                        self.assertGreaterEqual(axis(b) - axis(a), (room(a) + room(b)) / 2)
+                    self.assertTrue(all(axis.low <= v <= axis.high * 1.000001 for v, _ in ticks))
+        ticks = axes.logarithmic([0.65, 1.75], 200.0, 0.0).ticks()
+        self.assertGreaterEqual(sum(said for _, said in ticks), 4)  # not 1 and 1.5 alone
+
+    def test_values_of_a_knob_are_its_labels(self):
+        def said(xs, ys=(0.1, 0.2, 0.4, 0.7)):
+            p = svg.Plot("knob", "what", 400, 300)
+            p.series = [svg.Series("one", [(x, y, None, "") for x, y in zip(xs, ys)], "#000", "circle"),
+                        svg.Series("other", [(x, 1.01 * y, None, "") for x, y in zip(xs, ys)], "#000", "circle")]
+            texts = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*>([^<]+)</text>', p.svg())
+            line = max(float(y) for _, y, words in texts if words != "knob")
+            return [words for _, y, words in texts if float(y) == line], {w: float(y) for _, y, w in texts}
+
+        self.assertEqual(said((4, 8, 16, 32))[0], ["4", "8", "16", "32"])
+        self.assertEqual(said((4, 16, 16.1, 36))[0], ["4", "16", "36"])  # for two there is no room
+        self.assertNotIn("4.0123", said((4.0123, 7.7777, 19.876, 33.333))[0])  # measured
+        _, places = said((1, 2, 4, 8), (1.0, 1.0, 1.0, 1.0))
+        self.assertGreaterEqual(places["one"] - places["other"], 1.25 * 13 - 0.1)
+
+    def test_words_of_lines_stand_side_by_side_within_the_plot(self):
+        p = svg.Plot("error", "what", 480, 300, y_label=lambda v: f"{v:.9f}")
+        p.series = [svg.Series("one", [(0.0123, 0.1, None, ""), (0.0456, 0.2, None, "")], "#000", "circle")]
+        p.vertical = [(0.0455, "last words"), (0.02, "two"), (0.0205, "others"), (0.019, "one")]
+        found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" text-anchor="(\w+)"[^>]*>([^<]+)</text>', p.svg())
+        last = 0.0
+        for x, words in ((float(x), words) for x, y, _, words in found if float(y) == 41.0):
+            half = svg.width_of(words, 13) / 2
+            self.assertGreaterEqual(x - half, last - 0.1, words)
+            last = x + half
+        self.assertLessEqual(last, 480)
+        self.assertGreater(last, 400)
+        p.vertical = [(0.0455, "words that would be cut off")]
+        x = float(re.search(r'x="([\d.]+)"[^>]*>words', p.svg()).group(1))
+        self.assertLessEqual(x + svg.width_of("words that would be cut off", 13) / 2, 480)
+        for x, _, anchor, words in found:  # nor is a label of the axis cut
+            if anchor == "end":
+                self.assertGreaterEqual(float(x), 0.58 * 13 * len(words))
+
+    def test_front_is_steps(self):
+        self.assertEqual(svg.steps([(3, 9), (1, 2), (2, 5)]), [(1, 2), (2, 2), (2, 5), (3, 5), (3, 9)])
+        self.assertEqual(svg.spread([10, 11, 12, 40, 60], 5, 0, 50), [6, 11, 16, 40, 45 + 5])
+
+    def test_means_over_few_edges_are_left_out(self):
+        way = {"name": "halton", "edges": 980, "rows": 500, "columns": 480, "pairs": 499, "right": 1.25, "down": 2.25,
+               "off": 3.25, "ragged": 4.25, "rays": 0.5, "mispredicted": 0.25, "l_inf": 0.125}
+        a = argparse.Namespace(level=LEVELS["full"])
+        table = edges.figures_of(a, [{"id": "e", "labels": {"scene": "room"}, "figures": {"ce": 8, "ways": [way]}}])
+        self.assertEqual(re.sub("<.*?>", " ", table.split("<tbody>")[1]).split(),
+                         "8 Halton order 1.25 500 – 480 3.25 – 499 50.0 % 25.00 % 12.50 %".split())
 
     def test_labels_do_not_cover_each_other(self):
         series = [svg.Series(f"name {i}", [(100.0, 100.0 + 3 * i), (180.0, 100.0 + 2 * i)], "#000", "circle")

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which answers of the cache are wrong, and where: Sect. 5.1 and 3.4 of Popov et al. 2013, pair by pair."""
+from report.axes import from_zero
 from report.methods import derived
 from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
-from report.svg import Plot, Series, from_zero
+from report.svg import Plot, Series
 
 TITLE = "Which answers are wrong, and where"
 LOOKS = [("#0072b2", "square"), ("#d55e00", "circle"), ("#009e73", "diamond"), ("#b0508a", "up"), ("#a87000", "down"),
@@ -11,7 +12,7 @@ NAMES = {"refined": "refined", "unrefined": "not refined", "shared": "lights of 
 
 
 def percents(value):
-    return f"{100 * value:g} %"
+    return f'{f"{100 * value:.6f}".rstrip("0").rstrip(".")} %'
 
 
 def name_of(row):
@@ -82,30 +83,27 @@ def scene_section(a, rows, scene):
     paper = of_paper(rows, scene, first)
     places = "" .join(visibility_plots(a, first))
     said = f"{name(scene)}, {name(name_of(first))}: {setting(first)}. In {number(first, 'figures.pure', 'share')} " \
-           f"of the " \
-           "pairs the whole cluster is of one mind and nothing can go wrong. Over the bins the share of clusters " \
-           "that " \
-           f"answer visible is off V by {number(paper, 'figures.off_visible', 'percent')} (mean); without refinement " \
-           f"{number(paper, 'figures.off_wrong', 'times')} as many pairs are wrong as expected, with it " \
-           f"{number(paper, 'figures.left_by_refining', 'share')} of these remain."
-    columns = [("setting", lambda r: name(name_of(r))),
-               ("a side, pixels", lambda r: number(r, "figures.distance.unit", "plain")),
+           "of the pairs the whole cluster is of one mind and nothing can go wrong. Over the bins the share of " \
+           f"clusters that answer visible is off V by {number(paper, 'figures.off_visible', 'percent')} (mean); " \
+           f"without refinement {number(paper, 'figures.off_wrong', 'times')} as many pairs are wrong as expected, " \
+           f"with it {number(paper, 'figures.left_by_refining', 'share')} of these remain."
+    setting_of = ("setting", lambda r: name(name_of(r)))
+    columns = [setting_of, ("a side, pixels", lambda r: number(r, "figures.distance.unit", "plain")),
                ("rays", lambda r: number(r, "figures.share", "share")),
                ("mispredicted", lambda r: number(r, "figures.mispredicted", "percent")),
                ("l_inf", lambda r: number(r, "figures.l_inf", "percent")),
-               ("mean distance, sides", lambda r: number(r, "figures.distance.mean", "error")),
-               ("beyond one", lambda r: number(r, "figures.distance.beyond", "percent")),
-               ("beyond a diagonal", lambda r: number(r, "figures.distance.diagonal", "percent")),
-               ("farthest", lambda r: number(r, "figures.distance.largest", "error")),
-               ("mean: nearest quarter", lambda r: number(r, "figures.distance.quarters.0.mean", "error")),
-               ("farthest quarter", lambda r: number(r, "figures.distance.quarters.3.mean", "error")),
-               ("seen steeply", lambda r: number(r, "figures.distance.slants.0.mean", "error")),
-               ("grazing", lambda r: number(r, "figures.distance.slants.1.mean", "error"))]
-    where = f"{name(scene)}: distance of each wrong answer from the nearest place in the image that sees the " \
-            f"light as " \
-            "was answered."
+               ("beyond a side", lambda r: number(r, "figures.distance.beyond", "percent")),
+               ("beyond a diagonal", lambda r: number(r, "figures.distance.diagonal", "percent"))]
+    sides = [setting_of, *((head, lambda r, field=field: number(r, f"figures.distance.{field}", "error"))
+                           for head, field in (("mean distance, sides", "mean"), ("largest", "largest"),
+                                               ("mean of what is near", "quarters.0.mean"),
+                                               ("of what is far", "quarters.3.mean"),
+                                               ("seen steeply", "slants.0.mean"), ("grazing", "slants.1.mean")))]
+    where = f"{name(scene)}: distance of each wrong answer from the nearest place in the image that sees the light " \
+            "as was answered, in sides of a cell. Near and far: the quarters of the eye samples that are nearest to " \
+            "the eye and farthest from it."
     return f"<h3>{name(scene)}</h3>" + figure(f'<div class="row">{places}</div>', said, [first]) + \
-        figure(distance_plot(a, own) + table(columns, own), where, own)
+        figure(distance_plot(a, own) + table(columns, own, f"clusters-{scene}") + table(sides, own), where, own)
 
 
 def verdict(rows, own):
@@ -117,14 +115,11 @@ def verdict(rows, own):
                "diagonal": max(r["figures"]["distance"]["diagonal"] for r in apart),
                "largest": max(r["figures"]["distance"]["largest"] for r in apart)}
     row = derived(rows, "clusters/verdict", figures, [r["id"] for r in apart])
-    words = f"In {number(row, 'figures.held', 'count')} of {number(row, 'figures.settings', 'count')} settings " \
-            f"less than " \
-            f"{given('1 %')} of the wrong answers lie farther than one side from a true edge; at most " \
+    words = f"In {number(row, 'figures.held', 'count')} of {number(row, 'figures.settings', 'count')} settings less " \
+            f"than {given('1 %')} of the wrong answers lie farther than one side from a true edge; at most " \
             f"{number(row, 'figures.beyond', 'percent')} do, {number(row, 'figures.diagonal', 'percent')} farther " \
-            f"than a " \
-            f"diagonal, none farther than {number(row, 'figures.largest', 'error')} sides. (A cell is a square on " \
-            f"its " \
-            "surface: seen at a grazing angle it is up to twice as long in the image as it should be.)"
+            f"than a diagonal, none farther than {number(row, 'figures.largest', 'error')} sides. (A cell is a " \
+            "square on its surface: seen at a grazing angle it is up to twice as long in the image as it should be.)"
     shared = [r for r in own if r["labels"]["variant"] == "shared"]
     if shared:
         worst = max(shared, key=lambda r: r["figures"]["distance"]["beyond"])
@@ -137,13 +132,9 @@ def verdict(rows, own):
 def section(a, rows):
     own = [r for r in rows.values() if r["labels"]["section"] == "clusters"]
     head = "<p>Each pair of an eye sample and a virtual point light, with no limit of memory, against exact " \
-           "visibility. " \
-           f"Popov et al. {given('(2013)')} argue that the first pair speaks for a cluster, which is therefore " \
-           f"visible " \
-           f"with a probability of V, its average visibility {given('(Eq. 12)')}, so that {given('2 V (1 - V)')} " \
-           f"of the pairs " \
-           f"of all such clusters are wrong; and that errors stay within C_E x C_E eye samples " \
-           f"{given('(Sect. 3.4)')}, " \
-           "wherever in the image.</p>"
+           f"visibility. Popov et al. {given('(2013)')} argue that the first pair speaks for a cluster (all pairs of " \
+           "an eye cell and a light), which is therefore visible with a probability of V, its average visibility " \
+           f"{given('(Eq. 12)')}, so that {given('2 V (1 - V)')} of the pairs of all such clusters are wrong; and " \
+           f"that errors stay within C_E x C_E eye samples {given('(Sect. 3.4)')}, wherever in the image.</p>"
     scenes = list(dict.fromkeys(r["labels"]["scene"] for r in own))
     return head + verdict(rows, own) + "\n".join(scene_section(a, rows, s) for s in scenes)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table at the top: how fast at which error, and where the cache loses."""
+from report import glance
 from report.curves import of_scene, scenes_of
 from report.methods import METHODS, setting_of, stepped_aside
 from report.page import figure, given, name, number, table
@@ -117,4 +118,4 @@ def section(a, rows):
               "off by what the last column says. What this report does not say: each scene is seen by one camera " \
               "with one seed, in small pictures, on the CPU; light trees, ReSTIR and denoisers were not compared."
     used = {r["id"]: r for e in entries for r in e.found.values()}
-    return figure(table(columns, entries) + loses, caption, list(used.values()))
+    return glance.section(a, rows, entries) + figure(table(columns, entries) + loses, caption, list(used.values()))

@@ -25,7 +25,7 @@ class Level:
     converged_knobs: dict
     maps: list          # texels a side of shadow maps
     sequence: dict      # of moving pictures: size, frames, paths a pixel, C_E, environment lights, virtual lights
-    edges: dict         # of hard shadows: size, C_E, that of the pictures
+    edges: dict         # of hard shadows: size, C_E, that of the pictures, edges for a mean (500)
     clusters: dict      # scenes; C_E at several paths a pixel, at one; those that are also rendered unrefined, shared
     studies: dict       # size and paths of the images, scenes; values of each of whitted's options besides the default
     seeing: dict        # size of the images, virtual and sky lights
@@ -81,7 +81,7 @@ LEVELS = {
         maps=[32, 64],
         sequence={"size": "48x27", "frames": 2, "spp": 4, "ce": [4], "env_lights": 36, "vpls": 16, "grid": ["NEAR"],
                   "estimate": [4]},
-        edges={"size": "96x54", "ce": [4], "shown": 4},
+        edges={"size": "96x54", "ce": [4], "shown": 4, "least": 50},
         clusters={"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]},
         studies={"size": "32x18", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 1,
          "options": {"ce": [4, 16], "cn": [2], "cz": [2], "cr": [2.5], "refine": [1], "refine-above": [2],

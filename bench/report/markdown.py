@@ -6,22 +6,26 @@ import re
 from scenes import Failure
 
 VOID = {"meta", "img", "input", "br", "link"}
-LEFT_OUT = {"svg", "script", "style", "img", "input", "nav"}
+LEFT_OUT = {"svg", "aside", "script", "style", "img", "input", "nav"}
 HEADS = {"h2": "## ", "h3": "### ", "h4": "#### "}
 COMMANDS, FIGURES = "commands and rows", "figures"  # summaries: of what is left out, of what needs no head
 
 
 class Tree(html.parser.HTMLParser):
-    """(tag, children); a child is a text or a tree."""
+    """(tag, children); a child is a text or a tree. `named`: nodes by their id; "table", "lead": the first of these."""
 
     def __init__(self, text):
         super().__init__()
-        self.root = ("", [])
+        self.root, self.named = ("", []), {}
         self.stack = [self.root]
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        node = ("svg" if ("class", "plot") in attrs else tag, [])  # words about a plot go with it
+        of = dict(attrs)
+        # words about a plot go with it
+        node = ({"span": "aside"}.get(tag, "svg") if of.get("class") == "plot" else tag, [])
+        for name in (of.get("id"), tag if tag == "table" else None, "lead" if of.get("class") == "lead" else None):
+            self.named.setdefault(name, node)
         self.stack[-1][1].append(node)
         if tag not in VOID:
             self.stack.append(node)
@@ -63,7 +67,7 @@ def blocks(node):
     out, line = [], ""
     for child in node[1] + [("", [])]:
         tag = "" if isinstance(child, str) else child[0]
-        if isinstance(child, str) or tag in ("b", "code", "small", "span", "data", "a"):
+        if isinstance(child, str) or tag in ("b", "code", "small", "span", "aside", "data", "a"):
             line += words(child)
             continue
         if line.strip():
@@ -100,20 +104,24 @@ pictures besides, and says for each number which row it is.
 
 
 def fill(path, sections):
-    """Puts sections into a document, between `<!-- report: ANCHOR -->` and `<!-- end of report -->`; of `ANCHOR, table`
-    the first table alone."""
+    """Puts sections into a document, between `<!-- report: SECTION -->` and `<!-- end of report -->`; of
+    `SECTION, NAME` a table (its id; `table`: the first one) or the `lead` alone."""
     with open(path) as f:
         page = f.read()
-    parts = re.split(r"(<!-- report: (\w+)(, table)? -->\n)(.*?)(<!-- end of report -->)", page, flags=re.DOTALL)
+    parts = re.split(r"(<!-- report: ([\w-]+)(?:, ([\w-]+))? -->\n)(.*?)(<!-- end of report -->)", page,
+                     flags=re.DOTALL)
     if len(parts) == 1:
         raise Failure(f"{path}: no '<!-- report: SECTION -->' and '<!-- end of report -->' in it")
     inside = {anchor: text for anchor, _, text in sections}
     for i in range(1, len(parts), 6):
-        anchor, only = parts[i + 1:i + 3]
+        anchor, name = parts[i + 1:i + 3]
         if anchor not in inside:
             raise Failure(f"{path}: no section {anchor} in the report")
-        tree = Tree(inside[anchor]).root
+        tree = Tree(inside[anchor])
+        if name and name not in tree.named:
+            raise Failure(f"{path}: no {name} in section {anchor} of the report")
+        node = tree.named[name] if name else tree.root
         parts[i + 1], parts[i + 2] = "", ""
-        parts[i + 3] = (table(found(tree, "table")[0]) if only else "\n\n".join(blocks(tree))) + "\n"
+        parts[i + 3] = (table(node) if node[0] == "table" else "\n\n".join(blocks(node))) + "\n"
     with open(path, "w") as f:
         f.write("".join(parts))

@@ -7,7 +7,7 @@ import os
 FORMATS = {"percent": lambda v: f"{100 * v:.2f} %", "share": lambda v: f"{100 * v:.1f} %",
            "times": lambda v: f"{v:.2f}x", "seconds": lambda v: f"{v:.3g} s", "count": lambda v: f"{v:,.0f}",
            "plain": lambda v: f"{v:g}" if isinstance(v, (int, float)) else str(v), "flip": lambda v: f"{v:.4f}",
-           "error": lambda v: f"{v:.3g}"}
+           "error": lambda v: f"{v:.3g}", "pixels": lambda v: f"{v:.2f}"}
 ESCAPE = html.escape
 
 
@@ -58,9 +58,10 @@ def attributes(row, **fields):
     return out
 
 
-def table(columns, rows):
-    """A column is (head, function of a row that gives HTML)."""
-    lines = ["<table><thead><tr>" + "".join(f"<th>{h}</th>" for h, _ in columns) + "</tr></thead><tbody>"]
+def table(columns, rows, known_as=None):
+    """A column is (head, function of a row that gives HTML); `known_as`: by which documents ask for it."""
+    of = f' id="{ESCAPE(known_as)}"' if known_as else ""
+    lines = [f"<table{of}><thead><tr>" + "".join(f"<th>{h}</th>" for h, _ in columns) + "</tr></thead><tbody>"]
     lines += ["<tr>" + "".join(f"<td>{cell(r)}</td>" for _, cell in columns) + "</tr>" for r in rows]
     return "\n".join(lines + ["</tbody></table>"])
 
@@ -107,6 +108,7 @@ details table { display: block; max-height: 22em; overflow: auto; }
 code { font-size: 0.92em; overflow-wrap: anywhere; }
 td small, td data, .given { white-space: nowrap; } .lead { font-size: 1.12em; max-width: 58em; }
 .loses { border-left: 5px solid #d55e00; padding-left: 0.8em; }
+#headline td { white-space: nowrap; } #headline td, #headline th { padding: 2px 7px; } #headline h2 { margin-top: 1em; }
 .wins { border-left: 5px solid #009e73; padding-left: 0.8em; } nav a { margin-right: 1.2em; }
 """
 
@@ -120,12 +122,12 @@ def page(a, sections):
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>vcache: speed against error</title><style>{STYLE}</style></head><body>
 <h1>vcache: speed against error</h1>
-<p class="lead">How much faster a frame becomes by the visibility cache and by its rivals, and how wrong. In all plots
-of speed <b>up and left is better</b>; the yellow band joins what nothing else beats. Errors are against the exact image
-of the same samples unless said otherwise: <code>l_inf</code> (so named by Popov et al., no maximum) is the sum of
-absolute differences over the sum of the light that is shadow-tested. Exact is the fastest arrangement of rays that
-we know.</p>
 <nav>{links}</nav>
+<p>How much faster a frame becomes by the visibility cache and by its rivals, and how wrong. Errors are against the
+exact image of the same samples unless said otherwise: <code>l_inf</code> (so named by Popov et al., no maximum) is the
+sum of absolute differences over the sum of the light that is shadow-tested. Exact traces every shadow ray, in the
+fastest arrangement that we know. In plots of speed over error <b>up and left is better</b>; yellow steps: the fastest
+that was measured at this error or less.</p>
 {body}
 <footer><h2>Where the numbers come from</h2>
 <p>Each number was taken out of a row of <code>rows.json</code> (<code>rows.csv</code>) and names it: point at it. Below

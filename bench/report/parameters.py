@@ -3,6 +3,7 @@
 import math
 import statistics
 
+from report.axes import from_zero, logarithmic
 from report.methods import derived
 from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
@@ -82,8 +83,9 @@ def default_row(rows, scene, parameter, base):
 
 
 def plot(a, scene, parameter, own):
-    p = Plot(WHAT[parameter][0], f"{scene}: times the default's", 380, 300, 12, y_label=lambda v: f"{v:g}x", floor=0.05)
     own = sorted(own, key=lambda r: r["figures"]["value"])
+    p = Plot(WHAT[parameter][0], f"{scene}: times the default's", 480, 320, 12, y_label=lambda v: f"{v:g}x",
+             x_axis=logarithmic if own[0]["figures"]["value"] > 0 else from_zero)
     for field, words, colour, shape in DRAWN:
         points = [(r["figures"]["value"], r["figures"][field], attributes(r, x="figures.value", y=f"figures.{field}"),
                    f'{words}, {r["figures"]["value"]:g}: {FORMATS["times"](r["figures"][field])}')
@@ -150,7 +152,8 @@ def parameter_section(a, rows, scenes, parameter, spread):
                ("time at equal error", lambda r: number(r, "figures.equal_time", "times"))]
     flat = [r for own in of.values() for r in sorted(own, key=lambda r: r["figures"]["value"])]
     sources = [r for s in of for r in of_scene(rows, s, "default") + of_scene(rows, s, parameter)]
-    inside = f'<div class="row">{plots}</div><details><summary>figures</summary>{table(columns, flat)}</details>'
+    inside = f'<div class="row">{plots}</div><details><summary>figures</summary>' \
+             f'{table(columns, flat, f"parameters-{parameter}")}</details>'
     caption = verdict(rows, parameter, of, spread) or \
         "Nothing is said of the default: too few values, or the error does not fall as C_E does."
     return f"<h3>{name(WHAT[parameter][0])}</h3>" + figure(inside, caption, sources)

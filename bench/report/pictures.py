@@ -46,15 +46,20 @@ def one(a, row):
         ("exact", "exact"), ("other", method), ("error", "eight times the difference"), ("flip", "FLIP")))
     slider = f'<div class="slider">{exact}<span class="over">{other}</span><input type="range" min="0" max="100" ' \
              'value="50" aria-label="exact to the left, the method to the right"></div>'
-    beside = shown(error, "eight times the difference") + shown(flip, "FLIP: black is alike")
+    beside = shown(error, "eight times the difference: grey is alike") + \
+        shown(flip, "FLIP: black is alike")
     caption = f"{name(scene)}: exact left of the line, {name(method)} right of it. Whole image, what is seen " \
               f"directly included: l_inf {number(row, 'figures.l_inf', 'percent')}, FLIP " \
               f"{number(row, 'figures.flip', 'flip')}, HDR-FLIP " \
-              f"{number(row, 'figures.flip_hdr', 'flip')}. Below the worst places, found by FLIP: exact, method, FLIP."
+              f"{number(row, 'figures.flip_hdr', 'flip')}."
     inside = f'<div class="row">{slider}<div class="small">{beside}</div></div>{zooms(a, row, prefix)}'
     return f"<h3>{name(scene)}: {name(method)}</h3>" + figure(inside, caption, [row])
 
 
 def section(a, rows):
     own = [r for r in rows.values() if r["labels"]["section"] == "pictures"]
-    return STYLE + "\n".join(one(a, r) for r in own) + SCRIPT
+    head = "<p>Left of the line exact, right of it a method; the slider moves the line. Beside it eight times the " \
+           "difference, from grey (none) to red, and FLIP, how much of a difference one sees when the two are shown " \
+           "by turns, from black (none) over red and yellow to white. Below, the three squares with the most FLIP: " \
+           "exact, method, FLIP.</p>"
+    return STYLE + head + "\n".join(one(a, r) for r in own) + SCRIPT

@@ -32,8 +32,9 @@ def things(lights):
               [*cache, "--ce-delta", "4", "--refine", "1"]),
         Thing("jaggies", "jagged edges of shadows", "cells of some pixels, not refined", "conference-lights", punctual,
               [*cache, "--ce-delta", "8", "--refine", "1"], [*cache, "--ce-delta", "8"]),
-        Thing("steps", "soft shade of virtual lights in steps and squares", "cells too large for it", "cornell",
-              virtual, [*cache, "--ce", "64", "--refine", "1"], [*cache, "--ce", "8"]),
+        Thing("steps", "soft shade of virtual lights in steps and squares",
+              "cells too large for it; they save few rays, as pairs nearer than a cell are traced", "cornell", virtual,
+              [*cache, "--ce", "48"], [*cache, "--ce", "8"]),
         Thing("samples", "penumbrae of area lights frayed and spotted",
               "a cell holds other points of the lamp for each eye sample", "cornell",
               ["--spp", "4", "--vpls", "0", "--light-samples", "16"], [*cache, "--ce-samples", "16"],
@@ -48,7 +49,7 @@ def things(lights):
               ["--visibility", "adaptive", "--tolerance", "0.05"]),
         Thing("grid", "tips of thin shadows missing", "the fastest mode of the grid finds them only where it looks",
               "dominoes", ["--spp", "1", *sky, "--env-lights", str(max(1, lights // 16))],
-              ["--visibility", "grid=NEAR"], ["--visibility", "grid=GNU"]),
+              ["--visibility", "grid=NEAR"], ["--visibility", "grid=SNB"]),
         Thing("banding", "wrong colours, dots and edges in indirect light", "few virtual lights", "cornell",
               ["--spp", "4", "--light-samples", "0"], ["--vpls", str(max(1, lights // 16))], ["--vpls", str(lights)],
               ["--vpls", str(16 * lights)]),
@@ -78,7 +79,7 @@ def costs(thing, rows):
     if thing.exact:
         return [("seconds a frame", "figures.mode_run.frame_s", "seconds"),
                 ("l_inf", "figures.reference.mode_run.l_inf", "percent")]
-    return [("rays traced", "point.share", "share"), ("faster than exact", "point.frame", "times"),
+    return [("rays traced", "point.share", "share"), ("as fast as exact", "point.frame", "times"),
             ("l_inf", "point.error", "percent")]
 
 
@@ -96,23 +97,21 @@ def one(a, rows, thing):
             f'{number(own["zoom"], "figures.strip.better", "flip")}'
     strip = picture(a, f"pictures/seeing-{thing.id}-strip.png", thing.sees)
     caption = f"Left {name(options(thing.before))}, middle {name(options(thing.after))}, right how it should be. " \
-              f"{thing.why[0].upper() + thing.why[1:]}. {said}."
+              f"{thing.why[0].upper() + thing.why[1:]}. {said[0].upper() + said[1:]}."
     return f"<h3>{thing.sees}</h3>" + figure(strip, caption, list(own.values()))
 
 
 def markdown(a, rows, all_things):
     """docs/seeing.md: the same as a table."""
     lines = ["# What you see, which option, what it costs", "",
-             "Programs and options are those of `whitted`. Made by " \
-             f"`./report --only seeing --runs {a.level.runs}`, which writes this page (`out/report/seeing.md`) and "
-             "its pictures",
-             "(`out/report/pictures/seeing-*-strip.png`, here in `pictures/`). Each picture: as it is, with the " \
-             "other option, as it",
-             f"should be; the worst third of {a.level.seeing['size']} pixels, enlarged. Frames beside the exact " \
-             "one in the same",
-             f"run, one thread, pairs of frames: {a.level.runs}; `l_inf` as in " \
-             "[whitted.md](whitted.md#output), of virtual and sky",
-             "lights too few: against the image of many.",
+             "Programs and options are those of `whitted`. This page and its pictures are made by", "",
+             f"    ./report --only seeing --runs {a.level.runs} --out out/seeing",
+             "    cp out/seeing/seeing.md docs/ && cp out/seeing/pictures/seeing-*-strip.png docs/pictures/", "",
+             "Each picture: as it is, with the other option, as it should be; the worst third of "
+             f"{a.level.seeing['size']} pixels by FLIP, enlarged.",
+             f"Frames beside the exact one in the same run, one thread, pairs of frames: {a.level.runs}. `l_inf` as in "
+             "[whitted.md](whitted.md#output);",
+             "where virtual or sky lights are too few, against the image of many.",
              "", "| what you see | why | with | take | what it costs |", "| --- | --- | --- | --- | --- |"]
     for thing in all_things:
         own = of_thing(rows, thing)

@@ -36,6 +36,15 @@ def side(row):
     return f'{number(row, "labels.value", "plain")} texels a side'
 
 
+def is_map(row):
+    return row["labels"]["section"] == "maps"
+
+
+def of(row, of_map, of_cache, form):
+    """A figure of either kind of row."""
+    return number(row, f"figures.{of_map}" if is_map(row) else f"point.{of_cache}", form)
+
+
 def verdict(maps, cached):
     """Who is faster at the error of each map."""
     lines = []
@@ -59,22 +68,20 @@ def scene_section(a, rows, scene, maps):
     kind = maps[0]["labels"]["kind"]
     cached = [r for r in rows.values() if r["labels"]["section"] == "lights" and r["labels"]["kind"] == kind and
               r["labels"]["scene"] == scene and r["labels"]["anti_aliased"] and "point" in r]
-    figures = table([("maps: texels a side", lambda r: number(r, "labels.value", "plain")),
-                     ("how many", lambda r: number(r, "figures.maps", "count")),
-                     ("bias, texels", lambda r: number(r, "figures.bias", "plain")),
-                     ("made in", lambda r: number(r, "figures.build_s", "seconds")),
-                     ("looked up in", lambda r: number(r, "figures.lookup_s", "seconds")),
-                     ("exact: rays", lambda r: number(r, "figures.visibility_s", "seconds")),
-                     ("frame", lambda r: number(r, "figures.faster", "times")),
-                     ("without making", lambda r: number(r, "figures.without_building", "times")),
-                     ("l_inf", lambda r: number(r, "figures.l_inf", "percent")),
-                     ("mispredicted", lambda r: number(r, "figures.mispredicted", "percent")),
-                     ("FLIP", lambda r: number(r, "figures.flip", "flip"))], maps)
-    figures += table([("cache: C_E", lambda r: number(r, "labels.value", "plain")),
-                      ("frame", lambda r: number(r, "point.frame", "times")),
-                      ("l_inf", lambda r: number(r, "point.error", "percent")),
-                      ("mispredicted", lambda r: number(r, "point.mispredicted", "percent")),
-                      ("FLIP", lambda r: number(r, "point.flip", "flip"))], cached)
+    both = [("visibility by", lambda r: f"maps, {side(r)}" if is_map(r) else
+             f'cache, C_E = {number(r, "labels.value", "plain")}'),
+            ("as fast as exact", lambda r: of(r, "faster", "frame", "times")),
+            ("where maps are there", lambda r: number(r, "figures.without_building", "times") if is_map(r) else ""),
+            ("l_inf", lambda r: of(r, "l_inf", "error", "percent")),
+            ("mispredicted", lambda r: of(r, "mispredicted", "mispredicted", "percent")),
+            ("FLIP", lambda r: of(r, "flip", "flip", "flip"))]
+    figures = table(both, cached + maps, f"maps-{scene}")
+    figures += table([("maps: texels a side", lambda r: number(r, "labels.value", "plain")),
+                      ("how many", lambda r: number(r, "figures.maps", "count")),
+                      ("bias, texels", lambda r: number(r, "figures.bias", "plain")),
+                      ("made in", lambda r: number(r, "figures.build_s", "seconds")),
+                      ("looked up in", lambda r: number(r, "figures.lookup_s", "seconds")),
+                      ("exact: rays in", lambda r: number(r, "figures.visibility_s", "seconds"))], maps)
     caption = f"{name(scene)}, {name(kind)}: {setting(maps[0])}. Frames of maps are exact's with another visibility, " \
               "each over the exact frame of the same run; the bias is the one with the fewest mispredicted pairs."
     drawn = save_plot(a, f"maps-{scene}.svg", plot(maps, cached))

@@ -3,6 +3,8 @@
 import math
 from xml.sax.saxutils import escape, quoteattr
 
+from report.axes import chosen, label, logarithmic
+
 
 def text(x, y, words, anchor="middle", more=""):
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{more}>{escape(words)}</text>'
@@ -22,7 +24,8 @@ def marker(x, y, shape, colour, faint, hollow=False):
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r}" {looks}/>'
     if shape == "cross":
         path = f"M{x - r:.1f} {y - r:.1f}L{x + r:.1f} {y + r:.1f}M{x - r:.1f} {y + r:.1f}L{x + r:.1f} {y - r:.1f}"
-        return f'<path d="{path}" stroke="{colour}" stroke-width="2" stroke-opacity="{0.35 if faint else 1}"/>'
+        width = 1 if hollow else 2
+        return f'<path d="{path}" stroke="{colour}" stroke-width="{width}" stroke-opacity="{0.35 if faint else 1}"/>'
     corners = {"square": [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
                "up": [(0, -1.2), (1.1, 0.9), (-1.1, 0.9)], "down": [(0, 1.2), (1.1, -0.9), (-1.1, -0.9)],
                "diamond": [(0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0)]}[shape]
@@ -30,65 +33,35 @@ def marker(x, y, shape, colour, faint, hollow=False):
     return f'<path d="M{path}Z" {looks}/>'
 
 
+def told(attributes, words, drawn):
+    """A marker with the row that it stands for, and what is said where one points at it."""
+    given = "".join(f" {k}={quoteattr(str(v))}" for k, v in (attributes or {}).items())
+    title = f"<title>{escape(words)}</title>" if words else ""
+    return f"<g{given}>{title}{drawn}</g>"
+
+
 def polyline(places, colour, more=' stroke-width="2"'):
     return f'<polyline points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in places)}" fill="none" stroke="{colour}"{more}/>'
 
 
-class Axis:
-    """Logarithmic, from `start` to `end` in pixels."""
-
-    def __init__(self, values, start, end):
-        self.low, self.high = min(values) / 1.15, max(values) * 1.15
-        self.start, self.end = start, end
-
-    def __call__(self, value):
-        value = min(self.high, max(self.low, value))  # what lies beyond stands at the border
-        return self.start + (self.end - self.start) * math.log(value / self.low) / math.log(self.high / self.low)
-
-    def ticks(self):
-        """(value, whether it is labelled): 1, 2, 5 of each decade where there are few decades, more within one."""
-        decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
-        span = math.log10(self.high / self.low)
-        labelled = (1, 2, 3, 4, 5, 6, 8) if span < 1.0 else (1, 2, 5) if span < 3.0 else (1,)
-        inside = [(float(f"{m}e{d}"), m in labelled) for d in decades for m in range(1, 10)]
-        return [t for t in inside if self.low <= t[0] <= self.high]
+def width_of(words, size):
+    """About how wide words are, in pixels; bold ones."""
+    return size * (0.62 * len(words) + 0.6)
 
 
-class Linear:
-    """From 0 to `high`, from `start` to `end` in pixels, with labels at 1, 2 or 5 of a decade, some five of them."""
-
-    def __init__(self, high, start, end):
-        self.low, self.high, self.start, self.end = 0.0, high, start, end
-
-    def __call__(self, value):
-        return self.start + (self.end - self.start) * min(value, self.high) / self.high
-
-    def ticks(self):
-        raw = self.high / 5
-        decade = 10.0 ** math.floor(math.log10(raw))
-        step = next(m * decade for m in (1, 2, 5, 10) if m * decade >= raw * 0.999)
-        return [(i * step, True) for i in range(int(self.high / step * 1.0001) + 1)]
+def width_of_number(words, size):
+    return size * sum({".": 0.32, ",": 0.32, " ": 0.32, "-": 0.36, "%": 0.95}.get(c, 0.64) for c in words)
 
 
-def from_zero(values, start, end):
-    """Linear, where a plot wants it in place of Axis."""
-    return Linear(max(values), start, end)
-
-
-def label(value):
-    plain = value == 0 or 1e-3 <= value < 1e4
-    return f"{value:g}" if plain else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
-
-
-def grid(x, y, box, x_label=label, y_label=label):
+def grid(x, y, box, x_label=label, y_label=label, size=12):
     """Lines at the ticks of both axes with their labels; `box`: left, right, top, bottom."""
     left, right, top, bottom = box
     parts = []
-    for value, labelled in x.ticks():
+    for value, labelled in x.ticks(lambda v: width_of_number(x_label(v), size) + 0.4 * size):
         parts.append(f'<path d="M{x(value):.1f} {top}V{bottom}" stroke="{"#ccc" if labelled else "#eee"}"/>')
         if labelled:
             parts.append(text(x(value), bottom + 18, x_label(value), more=' class="axis"'))
-    for value, labelled in y.ticks():
+    for value, labelled in y.ticks(lambda v: 1.7 * size):
         parts.append(f'<path d="M{left} {y(value):.1f}H{right}" stroke="{"#ccc" if labelled else "#eee"}"/>')
         if labelled:
             parts.append(text(left - 8, y(value) + 4, y_label(value), "end", ' class="axis"'))
@@ -127,17 +100,18 @@ def place_labels(series, box, size, placed):
     of what else is written."""
     left, right, top, bottom = box
     taken, labels = pieces(series), []
-    for s in series:
-        width = 0.62 * size * len(s.name)
+    for s in sorted(series, key=lambda s: len(s.points)):  # first those that have least choice
+        width = width_of(s.name, size)
         best = None
         for rank, (x, y) in enumerate(s.points[::-1]):
             for dx, dy in ((9, 4), (9, -7), (9, 15), (-9 - width, 4), (-9 - width, -7), (-9 - width, 15),
-                           (-width / 2, -11), (-width / 2, 20)):
+                           (-width / 2, -11), (-width / 2, 20), (9, -18), (9, 26), (-9 - width, -18), (-9 - width, 26)):
                 place = (x + dx, y + dy - 0.8 * size, x + dx + width, y + dy + 0.25 * size)
                 outside = max(0, left + 2 - place[0]) + max(0, place[2] - right + 2) + max(0, top + 2 - place[1]) + \
                     max(0, place[3] - bottom + 2)
-                cost = 60 * outside + 3 * rank + sum(6 * overlap(place, b) for b in placed) + \
+                covered = sum(6 * overlap(place, b) for b in placed) + \
                     sum(overlap(place, b) * (0.6 if owner is s else 1.5 if owner else 4.0) for b, owner in taken)
+                cost = 60 * outside + 3 * rank + 2 * max(0, abs(dy - 4) - 16) + covered
                 if best is None or cost < best[0]:
                     best = (cost, x + dx, y + dy, place)
         labels.append((s.name, best[1], best[2], s.colour))
@@ -145,39 +119,66 @@ def place_labels(series, box, size, placed):
     return labels
 
 
-def padded(values):
-    """With room for markers and their names at the borders."""
-    room = (max(values) / min(values)) ** 0.04
-    return [min(values) / room, max(values) * room]
+def spread(targets, gap, low, high):
+    """Places near ascending targets, in their order and `gap` apart, between `low` and `high`."""
+    groups = []  # [sum, count] of targets less what their order adds, where neighbours touch each other
+    for i, t in enumerate(targets):
+        groups.append([t - i * gap, 1])
+        while len(groups) > 1 and groups[-2][0] * groups[-1][1] >= groups[-1][0] * groups[-2][1]:
+            total, count = groups.pop()
+            groups[-1] = [groups[-1][0] + total, groups[-1][1] + count]
+    highest = high - (len(targets) - 1) * gap
+    means = [min(max(low, total / count), highest) for total, count in groups for _ in range(count)]
+    return [mean + i * gap for i, mean in enumerate(means)]
+
+
+def steps(points):
+    """What is reachable at an x or less: level from each point to the next one's x."""
+    points = sorted(points)
+    return points[:1] + [p for (_, y), (u, v) in zip(points, points[1:]) for p in ((u, y), (u, v))]
 
 
 class Plot:
-    """Both axes logarithmic unless `x_axis` or `y_axis` is from_zero; series are labelled where they are."""
+    """Both axes logarithmic unless `x_axis` or `y_axis` is from_zero; series are labelled where they are, or to the
+    right where all end at the same value of a knob. Values of a knob are the labels of its axis."""
 
     def __init__(self, x_name, y_name, width=760, height=470, size=13, x_label=label, y_label=label, floor=None,
-                 x_axis=Axis, y_axis=Axis):
+                 x_axis=logarithmic, y_axis=logarithmic):
         self.x_name, self.y_name, self.width, self.height, self.size = x_name, y_name, width, height, size
         self.x_label, self.y_label = x_label, y_label
         self.x_axis, self.y_axis = x_axis, y_axis
         self.floor = floor  # of x: points below stand at the border
-        self.series, self.ringed, self.front = [], [], []
+        self.series, self.front = [], []
         self.horizontal, self.vertical = [], []  # (value, words)
 
-    def box(self):
-        return 62, self.width - 14, 46, self.height - 50
+    def knob(self):
+        return chosen([p[0] for s in self.series for p in s.points])
 
-    def axes(self):
-        left, right, top, bottom = self.box()
+    def named_at_the_end(self):
+        """Whether all lines end at one value of a knob, beyond which there is room for their names."""
+        last = (self.knob() or [None])[-1]
+        return last is not None and all(len(s.points) > 1 and s.points[-1][0] == last for s in self.series)
+
+    def frame(self):
+        """Both axes, and the box that they leave: left, right, top, bottom."""
+        top, bottom = 46, self.height - 50
         points = [p for s in self.series for p in s.points]
-        xs = [p[0] for p in points if p[0] > 0] + [v for v, _ in self.vertical]
+        xs, ys = ([p[i] for p in points] + [v for v, _ in of]
+                  for i, of in enumerate((self.vertical, self.horizontal)))
         if self.floor:
             xs = [max(x, self.floor) for x in xs] or [self.floor, 1.0]
-        ys = [p[1] for p in points if p[1] > 0] + [v for v, _ in self.horizontal]
-        return self.x_axis(padded(xs or [1]), left, right), self.y_axis(padded(ys or [1]), bottom, top)
+        y = self.y_axis(ys or [1.0], bottom, top)
+        labels = [self.y_label(v) for v, labelled in y.ticks(lambda v: 1.7 * self.size) if labelled]
+        left = max([width_of_number(words, self.size) for words in labels], default=0) + 16
+        names = [width_of(s.name, self.size) for s in self.series] if self.named_at_the_end() else []
+        right = self.width - max(names, default=-8) - 26
+        x = self.x_axis(xs or [1.0], left, right)
+        x.given = self.knob()
+        return x, y, (left, right, top, bottom)
 
-    def beside_lines(self, y, drawn):
+    def beside_lines(self, y, box, drawn):
         """Words of the horizontal lines, left, middle or right, above or below, where least is; and their boxes."""
-        left, right, _, _ = self.box()
+        left, right, _, _ = box
         taken, written, places = pieces(drawn), [], []
         for value, words in self.horizontal:
             width, options = 0.55 * self.size * len(words), []
@@ -191,39 +192,54 @@ class Plot:
             places.append(place)
         return written, places
 
+    def end_labels(self, drawn, box, parts):
+        """(name, x, y, colour) of each to the right of the plot; `parts` takes lines that lead there."""
+        _, right, top, bottom = box
+        drawn = sorted(drawn, key=lambda s: s.points[-1][1])
+        places = spread([s.points[-1][1] for s in drawn], 1.25 * self.size, top, bottom)
+        for s, place in zip(drawn, places):
+            x, y = s.points[-1]
+            parts.append(f'<path d="M{x + 7:.1f} {y:.1f}L{right:.1f} {y:.1f}L{right + 12:.1f} {place:.1f}" fill="none" '
+                         f'stroke="{s.colour}" stroke-opacity="0.5"/>')
+        return [(s.name, right + 15, place + 0.35 * self.size, s.colour) for s, place in zip(drawn, places)]
+
     def svg(self):
-        x, y = self.axes()
-        left, right, top, bottom = box = self.box()
+        x, y, box = self.frame()
+        left, right, top, bottom = box
 
         def at(value):
             return x(max(value, self.floor or value))
 
-        parts = [head(self.width, self.height, self.size)] + grid(x, y, box, self.x_label, self.y_label)
+        parts = [head(self.width, self.height, self.size)] + grid(x, y, box, self.x_label, self.y_label, self.size)
         parts.append(text((left + right) / 2, self.height - 12, self.x_name, more=' class="axis"'))
         parts.append(text(8, top - 26, self.y_name, "start", ' class="axis" font-weight="bold"'))
-        if self.front:  # a broad pale band below everything
-            broad = ' stroke-width="13" stroke-linejoin="round" stroke-linecap="round" stroke-opacity="0.8"'
-            parts.append(polyline([(at(a), y(b)) for a, b in self.front], "#ffe680", broad))
+        if self.front:  # broad pale steps below everything
+            broad = ' stroke-width="10" stroke-linejoin="round" stroke-linecap="round" stroke-opacity="0.8"'
+            parts.append(polyline([(at(a), y(b)) for a, b in steps(self.front)], "#ffe680", broad))
         for value, words in self.horizontal:
             parts.append(f'<path d="M{left} {y(value):.1f}H{right}" stroke="#222" stroke-dasharray="7 4"/>')
-        for value, words in self.vertical:
+        end = 0.0
+        for value, words in sorted(self.vertical):
             parts.append(f'<path d="M{x(value):.1f} {top}V{bottom}" stroke="#222" stroke-dasharray="2 4"/>')
-            middle = min(x(value), self.width - 2 - 0.3 * self.size * len(words))
+            half = width_of(words, self.size) / 2
+            middle = min(max(x(value), end + half), self.width - 2 - half)  # beside the words of the line before
             parts.append(text(middle, top - 5, words, more=' class="axis"'))
+            end = middle + half
         for s in self.series:
             dash = ' stroke-dasharray="5 4"' if s.dashed else ""
             parts.append(polyline([(at(p[0]), y(p[1])) for p in s.points], s.colour, f' stroke-width="2"{dash}'))
         for s in self.series:
             for p in s.points:
-                said = f"<title>{escape(p[3])}</title>" if p[3] else ""
-                attributes = "".join(f" {k}={quoteattr(str(v))}" for k, v in (p[2] or {}).items())
-                drawn = marker(at(p[0]), y(p[1]), s.shape, s.colour, False, s.hollow)
-                parts.append(f"<g{attributes}>{said}{drawn}</g>")
+                parts.append(told(p[2], p[3], marker(at(p[0]), y(p[1]), s.shape, s.colour, False, s.hollow)))
         drawn = [Series(s.name, [(at(p[0]), y(p[1])) for p in s.points], s.colour, s.shape)
                  for s in self.series if s.points]
-        written, places = self.beside_lines(y, drawn)
+        written, places = self.beside_lines(y, box, drawn)
         halo = ' stroke="#fff" stroke-width="3" paint-order="stroke"'
         parts += [text(across, down, words, "start", halo) for words, across, down in written]
-        for words, across, down, colour in place_labels(drawn, box, self.size, places):
+        if self.named_at_the_end():
+            labels = self.end_labels(drawn, box, parts)
+        else:
+            labels = place_labels(drawn, box, self.size, places)
+        for words, across, down, colour in labels:
             parts.append(text(across, down, words, "start", f' fill="{colour}"{halo} font-weight="bold" class="name"'))
         return "\n".join(parts + ["</svg>", ""])
