@@ -75,7 +75,7 @@ static options_status parse(arguments *a, int argc, char *argv[], message *err)
         {.name = "refine", .kind = OPTION_INT, .value = &c->levels, .min = 0, .max = VCACHE_MAX_LEVELS,
          .help = "C_MSR: levels of refinement, 1 for none, 0 for log2 C_E"},
         {.name = "refine-above", .kind = OPTION_FLOAT, .value = &s->refine_above, .min = 0, .max = 1000, .metavar = "X",
-         .help = "lights below X times the mean are refined in the dark alone"},
+         .help = "lights below X times the mean are refined in the dark only"},
         {.name = "cache-mb", .kind = OPTION_INT, .value = &a->cache_mb, .min = 1, .max = 16384,
          .help = "size of each cache in MiB"},
         {.name = "shared", .kind = OPTION_FLAG, .value = &a->shared, 
