@@ -36,7 +36,7 @@ LEVELS = {
         "256x144", 16, {"atrium": 4, "san-miguel": 4, "hair-straight": 4, "breakfast": 8}, 1024, 256, 64, 1, 3, 3, 4,
         ["atrium", "conference-lights", "shapes", "kitchen", "conference", "breakfast", "living-room", "san-miguel",
          "hair-straight"],
-        {"cache": [4, 8, 16, 32], "cache-unrefined": [8, 32], "cache-words": [],
+        {"cache": [4, 8, 16, 32], "cache-once": [6, 12, 24], "cache-unrefined": [8, 32], "cache-words": [],
          "estimate": [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 64], "cached-selection": [2, 4, 8, 16],
          "selection": [2, 3, 4, 6, 8, 12, 16, 24, 32, 64],
          "fewer": [4, 8, 16], "adaptive": [0.2], "adaptive-cache": [0.2], "grid": ["NEAR"], "bdpt": [12]},
@@ -55,7 +55,8 @@ LEVELS = {
         seeing={"size": "320x180", "lights": 256}),
     "quick": Level(
         "128x72", 4, {}, 256, 64, 16, 1, 1, 1, 4, ["conference-lights", "shapes", "atrium", "conference"],
-        {"cache": [8, 16, 32], "cache-unrefined": [16], "cache-words": [], "estimate": [2, 6, 24, 48],
+        {"cache": [8, 16, 32], "cache-once": [12], "cache-unrefined": [16], "cache-words": [],
+         "estimate": [2, 6, 24, 48],
          "cached-selection": [6], "selection": [6, 24, 48], "fewer": [4], "adaptive": [0.05, 0.2],
          "adaptive-cache": [], "grid": ["NEAR", "OPT", "GNU"], "bdpt": [12]},
         {"cache": 16, "estimate": 6, "selection": 6}, False,
@@ -73,7 +74,8 @@ LEVELS = {
         seeing={"size": "128x72", "lights": 64}),
     "tiny": Level(
         "48x27", 4, {}, 64, 16, 4, 1, 2, 2, 2, ["cornell", "shapes"],
-        {"cache": [8, 32], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8], "cached-selection": [4],
+        {"cache": [8, 32], "cache-once": [8], "cache-unrefined": [8], "cache-words": [8], "estimate": [2, 8],
+         "cached-selection": [4],
          "selection": [4, 16], "fewer": [2], "adaptive": [0.1], "adaptive-cache": [0.1], "grid": ["NEAR"],
          "bdpt": [12]},
         {"cache": 8, "estimate": 8}, False, {"hard": ([4, 8], [4]), "soft": ([8, 16], [4])}, ["cornell"], 64,

@@ -11,6 +11,7 @@ METHODS = {
     "estimate": Method("estimate from the cache", "#0072b2", "square", False, False, "K = {}", True),
     "cached-selection": Method("selection by the cache", "#0072b2", "square", True, True, "K = {}", True),
     "cache": Method("cache", "#d55e00", "circle", False, False, "C_E = {}", True),
+    "cache-once": Method("cache, refined once", "#d55e00", "diamond", True, False, "C_E = {}", True),
     "cache-unrefined": Method("cache, not refined", "#d55e00", "circle", True, True, "C_E = {}", True),
     "cache-words": Method("cache, pair by pair", "#d55e00", "up", True, True, "C_E = {}", True),
     "selection": Method("stochastic selection, no cache", "#333333", "cross", False, False, "K = {}", False),
