@@ -231,6 +231,8 @@ for option in -o --picture --json; do
     [[ $option == --json ]] && name=x.json
     clean_failure 1 "nofolder/$name" cornell "${tiny[@]}" --compare "$option" "nofolder/$name"
 done
+ln -s nofolder/x.png dangling.png
+clean_failure 1 "nofolder" cornell "${tiny[@]}" -o dangling.png
 mkdir folder.exr folder.png
 clean_failure "1 2" "folder.exr" cornell "${tiny[@]}" -o folder.exr
 clean_failure "1 2" "folder.png" cornell "${tiny[@]}" --compare --picture folder.png

@@ -63,8 +63,7 @@ static int create_beside(const char *target, char *name, size_t size)
     return -1;
 }
 
-/* `path` behind its symbolic links, also where their end is not there yet; NULL with errno. */
-static char *behind_links(const char *path)
+char *atomic_target(const char *path)
 {
     char *real = realpath(path, NULL), *at = copy_string(path);
     for (int links = 0; !real && errno == ENOENT && links < 40; links++) {
@@ -95,7 +94,7 @@ bool atomic_open(atomic_file *f, const char *path, message *err)
         return fail(err, "cannot write %s: %s", path, S_ISDIR(info.st_mode) ? "it is a folder" : "not a regular file");
 
     f->path = copy_string(path);
-    f->target = behind_links(path);
+    f->target = atomic_target(path);
     if (!f->target) {
         fail(err, "cannot write %s: %s", path, strerror(errno));
         release(f);
