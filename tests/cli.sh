@@ -231,6 +231,8 @@ for option in -o --picture --json; do
     [[ $option == --json ]] && name=x.json
     clean_failure 1 "nofolder/$name" cornell "${tiny[@]}" --compare "$option" "nofolder/$name"
 done
+ln -s nofolder/x.png dangling.png
+clean_failure 1 "nofolder" cornell "${tiny[@]}" -o dangling.png
 mkdir folder.exr folder.png
 clean_failure "1 2" "folder.exr" cornell "${tiny[@]}" -o folder.exr
 clean_failure "1 2" "folder.png" cornell "${tiny[@]}" --compare --picture folder.png
@@ -276,14 +278,8 @@ for file in 'a tri.obj' tri.ply tri.glb; do
 done
 finish "OBJ, PLY and GLB without camera and light render, with notices"
 
-gltf='{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0},{"extensions":'
-gltf+='{"KHR_lights_punctual":{"light":0}}}],"extensionsUsed":["KHR_lights_punctual"],"extensions":{"KHR_lights_punctual":'
-gltf+='{"lights":[{"type":"point","intensity":%s}]}},"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],'
-gltf+='"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],'
-gltf+='"bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,'
-gltf+='%s"}]}'
 for intensity in 0 1; do
-    printf "$gltf" $intensity AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA >lamp.gltf
+    lamp_gltf $intensity 0,0,0 >lamp.gltf
     good lamp.gltf "${tiny[@]}"
     [[ $intensity == 0 && $said == *"all lights have intensity 0"* || $intensity == 1 && $said != *"intensity 0"* ]] ||
         problem "intensity $intensity: $said"

@@ -107,6 +107,34 @@ for mode in cache estimate; do
 done
 finish "exact images do not depend on threads, others not with --deterministic"
 
+# power of 1e38 W/sr times 4 pi is beyond floats; of 2.5e37 what arrives from near by, unweighted
+for lamp in '1 0.3,0.3,0.5' '1e37 0.3,0.3,0.5' '2.5e37 0.3,0.3,0.05' '1e38 0.3,0.3,0.5'; do
+    lamp_gltf $lamp >lamp.gltf
+    beyond=0
+    [[ $lamp == 2.5e37* || $lamp == 1e38* ]] && beyond=1
+    for mode in exact cache estimate; do
+        lit=(lamp.gltf --size 16x16 --spp 4 --look 0.3,0.3,2,0.3,0.3,0,40 --visibility $mode --edges 2 --strategy 1)
+        good "${lit[@]}" --json lamp.json
+        read_json lamp.json
+        left=${figure[mode_run.not_finite]}
+        [[ $said == *"notice: $left contributions are left out: "* || $said != *"left out"* && $left == 0 ]] ||
+            problem "$mode, $lamp: $left are left out ($said)"
+        (((left > 0) == beyond)) || problem "$mode, $lamp: $left said ($said)"
+        quiet_good "${lit[@]}"
+    done
+done
+finish "light that floats cannot hold is said"
+
+# sums of the pilot paths must not take what comes after them for nothing
+for intensity in 1e30 1e37; do
+    lamp_gltf $intensity 0.3,0.3,0.5 >lamp.gltf
+    quiet_good lamp.gltf --size 256x144 --spp 1 --look 0.3,0.3,2,0.3,0.3,0,40 --visibility exact --json lamp.json
+    read_json lamp.json
+    [[ $intensity == 1e30 ]] && rays=${figure[mode_run.rays_traced]}
+done
+[[ ${figure[mode_run.rays_traced]} -ge $rays ]] || problem "${figure[mode_run.rays_traced]} rays, not $rays"
+finish "light that floats can hold is not lost"
+
 if ! env --default-signal=INT true 2>/dev/null; then
     skip "interrupts" "this env cannot reset signals"
 else

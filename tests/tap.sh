@@ -147,6 +147,18 @@ steady_figures() {
     done | sort
 }
 
+# lamp_gltf INTENSITY X,Y,Z: a scene of a triangle in the plane z = 0 and a point light
+lamp_gltf() {
+    local gltf='{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0},{"translation":[%s],'
+    gltf+='"extensions":{"KHR_lights_punctual":{"light":0}}}],"extensionsUsed":["KHR_lights_punctual"],"extensions":'
+    gltf+='{"KHR_lights_punctual":{"lights":[{"type":"point","intensity":%s}]}},"meshes":[{"primitives":[{"attributes":'
+    gltf+='{"POSITION":0}}]}],"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],'
+    gltf+='"max":[1,1,0]}],"bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":'
+    gltf+='"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}'
+    # shellcheck disable=SC2059
+    printf "$gltf" "$2" "$1"
+}
+
 python=$(command -v python3) || python=
 [[ $python ]] && ! "$python" -c 'import json' 2>/dev/null && python=
 

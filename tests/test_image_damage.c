@@ -364,6 +364,27 @@ static void links_are_followed(void **state)
     umask(mask);
     assert_int_equal(stat(file, &info), 0);
     assert_int_equal(info.st_mode & 0777, 0666 & ~mask);
+
+    /* whose end is not there yet: it is made, by one link and by two */
+    char second[512];
+    strcpy(second, in_folder("second.exr"));
+    assert_int_equal(symlink(name, second), 0);
+    for (int k = 0; k < 2; k++) {
+        unlink(file);
+        assert_true(write_exr(k ? second : name, &i, false));
+        assert_true(lstat(name, &info) == 0 && S_ISLNK(info.st_mode));
+        assert_true(lstat(second, &info) == 0 && S_ISLNK(info.st_mode));
+        assert_true(lstat(file, &info) == 0 && S_ISREG(info.st_mode));
+        assert_int_equal(files_in_folder(), 3);
+    }
+    unlink(name);
+    assert_int_equal(symlink("second.exr", name), 0); /* in a circle */
+    assert_false(write_exr(name, &i, false));
+    assert_non_null(strstr(err.text, strerror(ELOOP)));
+    unlink(name);
+    assert_int_equal(symlink("nowhere/x.exr", name), 0);
+    assert_false(write_exr(name, &i, false));
+    assert_true(lstat(name, &info) == 0 && S_ISLNK(info.st_mode));
     image_free(&i);
     empty_folder();
 }

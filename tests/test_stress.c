@@ -253,10 +253,18 @@ static void forks(void **state)
     assert_true(child >= 0);
     if (child == 0) {
         tracer own = {0};
-        bool good = vcache_query(w, patch_at(&p, 0), p.lights, 100, NULL, visible, light_up, &own) && own.rays == 0;
-        vcache_clear(p.cache);
-        good =
-            good && vcache_query(w, patch_at(&p, 0), p.lights, 100, NULL, visible, light_up, &own) && own.rays == 100;
+        static const struct {
+            bool clear;
+            int patch, rays;
+        } steps[] = {{false, 0, 0}, {false, 1, 100}, {true, 0, 200}, {false, 1, 300}};
+        bool good = true;
+        for (size_t i = 0; i < 4; i++) {
+            if (steps[i].clear)
+                vcache_clear(p.cache);
+            const vcache_eye *eye = patch_at(&p, (size_t)steps[i].patch);
+            good = good && vcache_query(w, eye, p.lights, 100, NULL, visible, light_up, &own) &&
+                   own.rays == (uint64_t)steps[i].rays;
+        }
         vcache_worker_destroy(&w);
         vcache_destroy(&p.cache);
         _exit(good ? 0 : 1);
@@ -267,6 +275,8 @@ static void forks(void **state)
     uint64_t before = rays.rays;
     assert_true(vcache_query(w, patch_at(&p, 0), p.lights, 100, NULL, visible, light_up, &rays));
     assert_int_equal(rays.rays, before);
+    assert_true(vcache_query(w, patch_at(&p, 1), p.lights, 100, NULL, visible, light_up, &rays));
+    assert_int_equal(rays.rays, before + 100);
     vcache_worker_destroy(&w);
     free_patchwork(&p);
 }

@@ -108,6 +108,7 @@ typedef struct batch {
     side eye, light; /* z_1 ..., y_1 ... */
     bool lit[BATCH]; /* there is a y_0 */
     light_emission start[BATCH];
+    uint64_t dark; /* light paths so far, of all batches, that do not start: power is beyond what floats hold */
 } batch;
 
 batch *batch_new(void);
@@ -140,7 +141,8 @@ typedef struct connection {
 typedef struct connections {
     connection *items;
     size_t count, capacity;
-    rng roulette; /* of the batch */
+    rng roulette;        /* of the batch */
+    uint64_t not_finite; /* contributions of all batches so far that floats cannot hold */
 } connections;
 
 /* All pairs of a batch that face each other. `valued`: only those that bring something, after the roulette. Else what
@@ -155,6 +157,7 @@ void connect_visible(const view *v, const batch *b, connections *c);
 typedef struct counts {
     uint64_t asked, traced; /* connections of eye with light vertices; the rays of these */
     uint64_t camera;        /* connections to the camera, all traced */
+    uint64_t not_finite;    /* contributions and light paths left out */
 } counts;
 
 /* One thread's means of deciding visibility. */

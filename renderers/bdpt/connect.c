@@ -15,10 +15,14 @@ static link link_of(vec3 from, vec3 to)
     return (link){d2 > 0.0f ? v3_scale(d, 1.0f / sqrtf(d2)) : d, d2};
 }
 
-static bool brings(rgb value)
+/* What floats cannot hold is left out, and counted. */
+static bool brings(connections *c, rgb value)
 {
     float most = v3_max_component(value);
-    return most > 0.0f && most < INFINITY; /* not NaN */
+    if (most > 0.0f && most < INFINITY)
+        return true;
+    c->not_finite += !(most < INFINITY); /* or NaN */
+    return false;
 }
 
 static void push(connections *c, connection item)
@@ -139,7 +143,7 @@ static bool survives(const view *v, connections *all, connection *c)
 static void push_pair(const view *v, const batch *b, bool valued, connections *out, connection c)
 {
     c.value = valued ? value_now(v, b, &c) : v3(1, 1, 1);
-    if (brings(c.value) && (!valued || survives(v, out, &c)))
+    if (brings(out, c.value) && (!valued || survives(v, out, &c)))
         push(out, c);
 }
 
@@ -184,7 +188,7 @@ static void connect_camera(const view *v, const batch *b, uint32_t path, int32_t
     double light_side = f->partners * mis_side(f->heuristic, y->mis, pdf * s.cosine / pixels, s.reverse);
     rgb value = v3_scale(s.value, (float)(pdf / pixels * weight(f, 0.0, light_side)));
     connection c = {CONNECT_CAMERA, path, 0, at, value, (uint32_t)y_at * f->width + (uint32_t)x_at};
-    if (brings(value) && survives(v, out, &c))
+    if (brings(out, value) && survives(v, out, &c))
         push(out, c);
 }
 
@@ -222,6 +226,6 @@ void connect_visible(const view *v, const batch *b, connections *c)
         if (x->kind == CONNECT_CAMERA || !(x->value.x > 0.0f))
             continue;
         rgb value = value_now(v, b, x);
-        x->value = brings(value) ? value : v3(0, 0, 0);
+        x->value = brings(c, value) ? value : v3(0, 0, 0);
     }
 }

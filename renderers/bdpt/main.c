@@ -101,6 +101,7 @@ typedef struct bdpt {
     view view;
     camera camera;
     film start; /* to go on from; no passes: nothing */
+    uint64_t not_finite; /* of the last frame */
 } bdpt;
 
 static const settings *settings_of(const void *context)
@@ -110,14 +111,16 @@ static const settings *settings_of(const void *context)
 
 static bool render(void *context, const frame_request *wanted, frame *out, message *err)
 {
-    const bdpt *b = context;
+    bdpt *b = context;
     view v = b->view;
     v.settings.width = wanted->width;
     v.settings.height = wanted->height;
     v.camera = camera_frame_of(&b->camera, wanted->width, wanted->height);
     if (wanted->exact)
         v.settings.visibility = VISIBILITY_EXACT;
-    return bdpt_render(&v, b->start.passes ? &b->start : NULL, wanted->title, wanted->quiet, out, err);
+    bool ok = bdpt_render(&v, b->start.passes ? &b->start : NULL, wanted->title, wanted->quiet, out, err);
+    b->not_finite = out->extra ? passes_of(out)->not_finite : 0;
+    return ok;
 }
 
 static void name(const void *context, const frame *f, char *out, size_t size)
@@ -159,6 +162,7 @@ static void json_run(const void *context, const frame *f, cJSON *out)
     (void)context;
     json_add_number(out, "passes", passes_of(f)->passes);
     json_add_number(out, "camera_rays", (double)passes_of(f)->camera_rays);
+    json_add_number(out, "not_finite", (double)passes_of(f)->not_finite);
     json_add_number(out, "asking_s", passes_of(f)->asking_s);
 }
 
@@ -204,6 +208,9 @@ int main(int argc, char *argv[])
                       .json_run = json_run,
                       .texts = texts};
         ok = renderer_run(&r, &a.common, &reference, &err);
+        if (ok && b.not_finite > 0)
+            notice("%llu contributions are left out: light or scale is beyond what floats hold",
+                   (unsigned long long)b.not_finite);
     }
     image_free(&reference);
     film_free(&b.start);

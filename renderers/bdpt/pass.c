@@ -144,6 +144,7 @@ counts passes_counts(const passes *p, double *visibility_s, double *asking_s)
         sum.asked += c.asked;
         sum.traced += c.traced;
         sum.camera += c.camera;
+        sum.not_finite += p->stations[i].connections.not_finite + p->stations[i].batch->dark;
         *visibility_s += p->stations[i].visibility_s / p->threads;
         *asking_s += p->stations[i].asking_s;
     }

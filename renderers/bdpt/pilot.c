@@ -92,7 +92,8 @@ static void conclude(pilot *p, const trip *trips, uint32_t count)
         float all = 0.0f, paths = 0.0f;
         for (uint32_t k = 0; k < count; k++)
             all += trips[k].light[r], paths += trips[k].paths[r];
-        p->least[r] = paths > 0.0f ? share_kept * all / paths : 0.0f;
+        float least = share_kept * all / paths;
+        p->least[r] = least < INFINITY ? least : 0.0f; /* nor NaN */
     }
     for (uint32_t k = 0; k < count; k++)
         for (size_t i = 0; i < trips[k].sample_count; i++) {

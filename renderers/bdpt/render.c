@@ -120,6 +120,7 @@ bool bdpt_render(const view *given, const film *start, const char *title, bool q
     passes_free(p);
     extra->passes = f.passes;
     extra->camera_rays = c.camera;
+    extra->not_finite = c.not_finite;
     *out = (frame){.image = f.mean,
                    .lit = lit_of(&f),
                    .seen = f.seen,

@@ -11,6 +11,7 @@
 typedef struct frame_passes {
     uint32_t passes, from; /* paths per pixel; of these: from the file that was gone on from */
     uint64_t camera_rays;  /* connections to the camera */
+    uint64_t not_finite;   /* contributions and light paths left out, for they are beyond what floats hold */
     double asking_s;       /* seconds of all threads in what settings.deterministic lets one do at a time */
 } frame_passes;
 

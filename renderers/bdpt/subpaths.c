@@ -213,8 +213,10 @@ static bool begin_light(const view *v, batch *b, uint32_t i, walk *w)
         u[k] = rng_float(&r);
     light_emission *e = &b->start[i];
     b->lit[i] = v->lights && light_sources_emit(v->lights, u, e);
-    if (!b->lit[i])
+    if (!b->lit[i]) {
+        b->dark += v->lights && !light_sources_finite(v->lights);
         return false;
+    }
     bool met = e->kind == SOURCE_EMITTER || e->kind == SOURCE_ENVIRONMENT;
     *w = (walk){.path = i, .origin = e->origin, .direction = e->direction, .throughput = e->flux, .random = r};
     w->mis = mis_light(v->settings.heuristic, e->pdf_direct, e->pdf_ray, met ? e->cosine : 0.0f, v->settings.partners);

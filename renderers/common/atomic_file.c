@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -62,6 +63,27 @@ static int create_beside(const char *target, char *name, size_t size)
     return -1;
 }
 
+char *atomic_target(const char *path)
+{
+    char *real = realpath(path, NULL), *at = copy_string(path);
+    for (int links = 0; !real && errno == ENOENT && links < 40; links++) {
+        char to[PATH_MAX], *slash = strrchr(at, '/');
+        ssize_t length = readlink(at, to, sizeof to - 1);
+        if (length < 0)
+            return at;
+        to[length] = 0;
+        size_t folder = to[0] != '/' && slash ? (size_t)(slash - at) + 1 : 0;
+        char *next = xmalloc(folder + (size_t)length + 1);
+        memcpy(next, at, folder);
+        memcpy(next + folder, to, (size_t)length + 1);
+        free(at);
+        at = next;
+        errno = ENOENT;
+    }
+    free(at);
+    return real;
+}
+
 bool atomic_open(atomic_file *f, const char *path, message *err)
 {
     *f = (atomic_file){0};
@@ -72,9 +94,12 @@ bool atomic_open(atomic_file *f, const char *path, message *err)
         return fail(err, "cannot write %s: %s", path, S_ISDIR(info.st_mode) ? "it is a folder" : "not a regular file");
 
     f->path = copy_string(path);
-    f->target = exists ? realpath(path, NULL) : NULL;
-    if (!f->target)
-        f->target = copy_string(path);
+    f->target = atomic_target(path);
+    if (!f->target) {
+        fail(err, "cannot write %s: %s", path, strerror(errno));
+        release(f);
+        return false;
+    }
     size_t size = strlen(f->target) + 48;
     f->temporary = xmalloc(size);
     int fd = create_beside(f->target, f->temporary, size);
@@ -97,11 +122,7 @@ bool atomic_commit(atomic_file *f, message *err)
 {
     bool good = !ferror(f->stream);
     int error = EIO;
-    if (good && fflush(f->stream) != 0) {
-        error = errno;
-        good = false;
-    }
-    if (fclose(f->stream) != 0 && good) {
+    if (fclose(f->stream) != 0 && good) { /* what it could not flush counts */
         error = errno;
         good = false;
     }

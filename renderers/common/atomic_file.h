@@ -15,6 +15,9 @@ typedef struct atomic_file {
     char *path, *target, *temporary; /* as given; behind symbolic links; beside `target` */
 } atomic_file;
 
+/* The file that `path` stands for behind symbolic links, also where it is not there yet; NULL with errno. free it. */
+char *atomic_target(const char *path);
+
 /* Every atomic_open that returned true must be followed by exactly one atomic_commit or atomic_abort. */
 bool atomic_open(atomic_file *f, const char *path, message *err);
 /* Flushes, closes and renames. On failure the temporary is gone and the target unchanged. */

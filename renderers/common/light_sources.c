@@ -41,6 +41,11 @@ light_sources *light_sources_new(const scene *s, const emitters *e, bool with_en
     return NULL;
 }
 
+bool light_sources_finite(const light_sources *l)
+{
+    return l->power_total < INFINITY;
+}
+
 void light_sources_free(light_sources *l)
 {
     if (!l)

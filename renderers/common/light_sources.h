@@ -38,6 +38,8 @@ typedef struct light_emission {
  * and emitters must outlive the result, which is NULL where nothing emits. */
 light_sources *light_sources_new(const scene *s, const emitters *e, bool with_environment);
 void light_sources_free(light_sources *l); /* NULL is fine */
+/* Whether floats hold the power of all; where not, none emits. */
+bool light_sources_finite(const light_sources *l);
 
 /* From six uniform numbers in [0, 1). False where nothing is emitted that way: `out` is undefined then. */
 bool light_sources_emit(const light_sources *l, const float u[6], light_emission *out);

@@ -2,10 +2,13 @@
 /* Command line and exit; see program.h. */
 #include "program.h"
 
+#include "atomic_file.h"
 #include "interrupt.h"
 
+#include <errno.h>
 #include <libgen.h>
 #include <signal.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
@@ -88,17 +91,16 @@ bool program_check(const program_arguments *a, message *err)
 /* Hours of rendering must not end in a folder that is not there. */
 static bool check_target(const char *path, message *err)
 {
-    char copy[4096];
     struct stat info;
     if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
         return fail(err, "cannot write %s: %s", path, S_ISDIR(info.st_mode) ? "it is a folder" : "not a regular file");
-    if (strlen(path) >= sizeof copy)
-        return fail(err, "%.60s...: path too long", path);
-    strcpy(copy, path);
-    const char *folder = dirname(copy);
-    if (access(folder, W_OK | X_OK) != 0)
-        return fail(err, "%s: cannot write into folder %s", path, folder);
-    return true;
+    char *target = atomic_target(path);
+    if (!target)
+        return fail(err, "cannot write %.400s: %s", path, strerror(errno));
+    const char *folder = dirname(target);
+    bool ok = access(folder, W_OK | X_OK) == 0 || fail(err, "%s: cannot write into folder %s", path, folder);
+    free(target);
+    return ok;
 }
 
 static bool check_targets(const program_arguments *a, message *err)
