@@ -93,6 +93,9 @@ clean_failure 2 "--half" cornell --half -o out/x.png
 clean_failure 2 "--tiles" cornell --tiles
 clean_failure 2 "--picture" cornell --picture out/x.png
 clean_failure 2 "twice" cornell -o out/x.png -o out/x.png
+clean_failure 2 "twice" cornell -o out/x.png -o ./out/../out/x.png
+ln -s out/x.png same.png
+clean_failure 2 "twice" cornell -o out/x.png -o same.png
 clean_failure 2 "twice" cornell --compare -o out/x.png --picture out/x.png
 clean_failure 2 "x.jpg" cornell -o out/a.png -o out/x.jpg
 clean_failure 2 "out/x" cornell -o out/x
@@ -278,13 +281,16 @@ for file in 'a tri.obj' tri.ply tri.glb; do
 done
 finish "OBJ, PLY and GLB without camera and light render, with notices"
 
-for intensity in 0 1; do
+for intensity in 0 1 1e38; do
     lamp_gltf $intensity 0,0,0 >lamp.gltf
-    good lamp.gltf "${tiny[@]}"
-    [[ $intensity == 0 && $said == *"all lights have intensity 0"* || $intensity == 1 && $said != *"intensity 0"* ]] ||
-        problem "intensity $intensity: $said"
+    good lamp.gltf "${tiny[@]}" --vpls 16
+    case $intensity in
+        0) [[ $said == *"all lights have intensity 0"* ]] ;;
+        1) [[ $said != *"intensity 0"* && $said != *"floats"* ]] ;;
+        1e38) [[ $said == *"no virtual point lights: "*"floats"* ]] ;;
+    esac || problem "intensity $intensity: $said"
 done
-finish "lights that are all off are said"
+finish "lights that are all off, or too bright for floats, are said"
 
 mkdir pipes
 mkfifo pipes/a.mtl

@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <libgen.h>
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
@@ -82,6 +83,33 @@ char *atomic_target(const char *path)
     }
     free(at);
     return real;
+}
+
+/* The folder without links, and the name in it. */
+static char *full_name(const char *path)
+{
+    char *target = atomic_target(path);
+    if (!target)
+        return copy_string(path);
+    char *at = copy_string(target), *folder = realpath(dirname(at), NULL), *slash = strrchr(target, '/');
+    const char *name = slash ? slash + 1 : target;
+    free(at);
+    if (!folder)
+        return target;
+    char *full = xmalloc(strlen(folder) + strlen(name) + 2);
+    sprintf(full, "%s/%s", folder, name);
+    free(folder);
+    free(target);
+    return full;
+}
+
+bool atomic_same(const char *a, const char *b)
+{
+    char *first = full_name(a), *second = full_name(b);
+    bool same = strcmp(first, second) == 0;
+    free(first);
+    free(second);
+    return same;
 }
 
 bool atomic_open(atomic_file *f, const char *path, message *err)

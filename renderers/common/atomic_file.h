@@ -17,6 +17,8 @@ typedef struct atomic_file {
 
 /* The file that `path` stands for behind symbolic links, also where it is not there yet; NULL with errno. free it. */
 char *atomic_target(const char *path);
+/* Whether two paths name one file to write, however they are spelled and through links. */
+bool atomic_same(const char *a, const char *b);
 
 /* Every atomic_open that returned true must be followed by exactly one atomic_commit or atomic_abort. */
 bool atomic_open(atomic_file *f, const char *path, message *err);

@@ -77,7 +77,7 @@ bool program_check(const program_arguments *a, message *err)
         targets[count++] = a->json;
     for (int i = 0; i < count; i++)
         for (int k = 0; k < i; k++)
-            if (strcmp(targets[i], targets[k]) == 0)
+            if (atomic_same(targets[i], targets[k]))
                 return fail(err, "%s: given twice as a file to write", targets[i]);
     if (a->picture && !a->compare)
         return fail(err, "--picture needs --compare");

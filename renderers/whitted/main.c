@@ -3,6 +3,7 @@
 #include "renderer.h"
 
 #include "../common/environment_lights.h"
+#include "../common/light_sources.h"
 
 #include <string.h>
 
@@ -183,6 +184,10 @@ int main(int argc, char *argv[])
         const float high[3] = {s->bounds_max.x, s->bounds_max.y, s->bounds_max.z};
         memcpy(v->settings.cache.bounds_min, low, sizeof low);
         memcpy(v->settings.cache.bounds_max, high, sizeof high);
+        light_sources *lights = v->settings.vpls > 0 ? light_sources_new(s, e, !v->settings.env_lights) : NULL;
+        if (lights && !light_sources_finite(lights))
+            notice("no virtual point lights: the power of all lights is beyond what floats hold");
+        light_sources_free(lights);
         renderer r = whitted_renderer(&w, a.common.compare);
         ok = renderer_run(&r, &a.common, &reference, &err);
         truth_free(&w.known);
