@@ -193,9 +193,9 @@ static leaks find_leaks(const frame *exact, const frame *f, double reach)
     return l;
 }
 
-/* A cell is about a square of C_E / sqrt(spp) pixels; in these pictures what it answers wrongly lies no farther than that
- * from the edge of a shadow, which is half a pixel before the first that is lit. Seen at an angle its longer side is
- * more, and single pixels may lie farther (docs/robustness.md). */
+/* A cell is about a square of C_E / sqrt(spp) pixels; in these pictures what it answers wrongly lies no farther than
+ * that from the edge of a shadow, which is half a pixel before the first that is lit. Seen at an angle its longer side
+ * is more, and single pixels may lie farther (docs/robustness.md). */
 static void expect_no_leaks(stage *g, const char *what)
 {
     static const float ces[] = {2.0f, 4.0f, 8.0f, 16.0f, 32.0f};
