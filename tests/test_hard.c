@@ -3,6 +3,7 @@
  * walls, contacts, needles and giants, extreme options. Two frames of one seed have the same paths in each mode, so
  * that their difference is that of visibility alone. */
 #include "render_support.h"
+#include "samples.h"
 
 #include "bench/distances.h"
 
@@ -128,7 +129,7 @@ static void far_and_turned(void **state)
                   {1, 0, {100, 0, 30}},      {1, 0, {1000, 0, -300}}, {1, 0.1f, {0, 0, 0}}, {1, 0.4f, {0, 0, 0}},
                   {1, 0.785398f, {0, 0, 0}}, {1, 2.1f, {0, 0, 0}},    {1, 3, {0, 0, 0}},    {1, 5, {0, 0, 0}}};
     double rays[2] = {0}, error[2] = {0};
-    for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+    for (size_t i = 0; i < sizeof places / sizeof *places; i += (size_t)case_step()) {
         scene *s = room();
         for (int l = 0; l < 100; l++)
             add_point_light(
@@ -200,7 +201,7 @@ static void expect_no_leaks(stage *g, const char *what)
 {
     static const float ces[] = {2.0f, 4.0f, 8.0f, 16.0f, 32.0f};
     frame exact = picture(g, VISIBILITY_EXACT);
-    for (size_t i = 0; i < sizeof ces / sizeof *ces; i++) {
+    for (size_t i = 0; i < sizeof ces / sizeof *ces; i += (size_t)case_step()) {
         settings *o = &g->v.settings;
         o->ce = o->ce_delta = ces[i];
         double side = (double)ces[i] / sqrt(o->spp);
@@ -245,7 +246,7 @@ static void thin_walls(void **state)
 {
     (void)state;
     static const float angles[] = {0.0f, 0.4f, 0.785398f, 2.1f, 5.0f};
-    for (size_t i = 0; i < sizeof angles / sizeof *angles; i++)
+    for (size_t i = 0; i < sizeof angles / sizeof *angles; i += (size_t)case_step())
         rooms_side_by_side(angles[i], 0.0f);
 }
 
@@ -254,7 +255,7 @@ static void thin_walls_weak_lights(void **state)
 {
     (void)state;
     static const float angles[] = {0.0f, 0.4f, 0.785398f, 2.1f, 5.0f};
-    for (size_t i = 0; i < sizeof angles / sizeof *angles; i++)
+    for (size_t i = 0; i < sizeof angles / sizeof *angles; i += (size_t)case_step())
         rooms_side_by_side(angles[i], 0.5f);
 }
 
@@ -381,7 +382,7 @@ static void all_bins(void **state)
     g.v.settings.vpls = 64, g.v.settings.spp = 1;
     g.v.settings.ce = 4.0f;
     frame exact = picture(&g, VISIBILITY_EXACT);
-    for (int bins = 1; bins <= 64; bins++) {
+    for (int bins = 1; bins <= 64; bins += case_step()) {
         g.v.settings.cache.normal_bins = bins;
         frame f = picture(&g, VISIBILITY_CACHE);
         double e = l_inf(&f, &exact);
