@@ -4,6 +4,7 @@
 #define TESTS_IMAGE_FIXTURE_H
 
 #include "image.h"
+#include "temporary_folder.h"
 
 #include <OpenEXR/openexr.h>
 
@@ -14,8 +15,8 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Everything below sits in the working directory's folder `image_folder`, which setup makes and teardown removes. */
-static char image_folder[64];
+/* Everything below sits in the folder `image_folder`, which setup makes and teardown removes. */
+static char image_folder[TEMPORARY_FOLDER_MAX];
 
 static inline const char *in_folder(const char *name)
 {
@@ -48,8 +49,7 @@ static inline void empty_folder(void)
 static inline int folder_setup(void **state)
 {
     (void)state;
-    strcpy(image_folder, "/tmp/vcache-image-XXXXXX");
-    return mkdtemp(image_folder) ? 0 : -1;
+    return temporary_folder(NULL, image_folder);
 }
 
 static inline int folder_teardown(void **state)

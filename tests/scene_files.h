@@ -4,6 +4,8 @@
 #ifndef TESTS_SCENE_FILES_H
 #define TESTS_SCENE_FILES_H
 
+#include "temporary_folder.h"
+
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,8 +16,8 @@
 enum { BIN_POSITIONS = 0, BIN_NORMALS = 48, BIN_UVS = 96, BIN_INDICES = 128, BIN_TEXTURE = 140, BIN_SIZE = 172 };
 
 typedef struct files {
-    char folder[64];
-    char path[128]; /* of the file written last */
+    char folder[TEMPORARY_FOLDER_MAX];
+    char path[TEMPORARY_FOLDER_MAX + 64]; /* of the file written last */
     unsigned char bin[BIN_SIZE];
 } files;
 
@@ -109,10 +111,9 @@ static inline int open_folder(void **state)
     files *f = calloc(1, sizeof *f);
     if (!f)
         return -1;
-    strcpy(f->folder, "/tmp/scene-XXXXXX");
     fill_bin(f->bin);
     *state = f;
-    return mkdtemp(f->folder) ? 0 : -1;
+    return temporary_folder(NULL, f->folder);
 }
 
 static inline int close_folder(void **state)

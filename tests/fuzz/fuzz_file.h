@@ -3,11 +3,12 @@
 #ifndef FUZZ_FILE_H
 #define FUZZ_FILE_H
 
+#include "../temporary_folder.h"
 #include "fuzz.h"
 
 #include <unistd.h>
 
-static char fuzz_folder[64];
+static char fuzz_folder[TEMPORARY_FOLDER_MAX];
 
 static void fuzz_remove_folder(void)
 {
@@ -17,9 +18,8 @@ static void fuzz_remove_folder(void)
 static inline void fuzz_write(const uint8_t *data, size_t size, const char *extension, char path[128])
 {
     if (!*fuzz_folder) {
-        snprintf(fuzz_folder, sizeof fuzz_folder, "%s/fuzz-XXXXXX",
-                 access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
-        if (!mkdtemp(fuzz_folder) || atexit(fuzz_remove_folder))
+        const char *memory = "/dev/shm";
+        if (temporary_folder(access(memory, W_OK) == 0 ? memory : NULL, fuzz_folder) || atexit(fuzz_remove_folder))
             exit(2);
     }
     snprintf(path, 128, "%s/x.%s", fuzz_folder, extension);
