@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # real_scenes.sh WHITTED FOLDER: the promises about real scenes, in counts and errors (never in time; one thread, so that
 # every run gives the same): at most 12 % of the shadow rays and 2 % of error at 640x360, 1 sample, C_E = 8; 4.5 % and
-# 2.5 % at 320x180, 16 samples, C_E = 32; from few rays, 160x90, 16 samples, 7 a sample: 1.5 % of the pairs and 1.4 % of
+# 2.5 % at 320x180, 16 samples, C_E = 32; from few rays, 320x180, 16 samples, 7 a sample: 1.4 % of the pairs and 1.1 % of
 # error; San Miguel within 4 GB. Prints TAP; skips what is not there.
 set -u
 whitted=$1 folder=$2 n=0 bad=0
@@ -37,9 +37,9 @@ for setting in "640x360 1 8 0.12 0.02" "320x180 16 32 0.045 0.025"; do
 done
 
 for name in kitchen conference breakfast; do
-    scene $name 160x90 16 12 0.015 0.014 --visibility estimate --select 7
+    scene $name 320x180 16 12 0.014 0.011 --visibility estimate --select 7
 done
-scene living-room 160x90 16 12 0.015 0.014 --visibility estimate --select 7 --env "$folder/hdri/living-room-sky.exr"
+scene living-room 320x180 16 12 0.014 0.011 --visibility estimate --select 7 --env "$folder/hdri/living-room-sky.exr"
 
 # address space is more than memory: a stricter limit than the promise
 glb=$folder/san-miguel/san-miguel.glb
