@@ -22,9 +22,11 @@ FOLDER of scenes holds NAME/NAME.glb and hdri/; where there is none, built-in sc
   seeing     what one sees where something is wrong, which option mends it, what that costs; also OUT/seeing.md
 """
 import csv
+import datetime
 import json
 import os
 import platform
+import re
 import signal
 import sys
 
@@ -97,6 +99,14 @@ def machine():
     return f"{model}, {os.cpu_count()} CPUs"
 
 
+def written(a, programs):
+    """The day, and by which programs."""
+    with open(os.path.join(ROOT, "meson.build")) as f:
+        version = re.search(r"version: '([\d.]+)'", f.read()).group(1)
+    return f"Written on {datetime.date.today()} by the report of vcache {version} from programs with SHA-256 " + \
+        ", ".join(f"{programs.digest(p)[:8]}... ({p})" for p in ("whitted", "bdpt"))
+
+
 def find_scenes(parser, a):
     usual = a.scenes == os.path.abspath(parser.get_default("scenes"))
     if not any(not missing_file(a, s) for s in LEVELS["full"].scenes if not is_builtin(s)):
@@ -160,6 +170,7 @@ def main():
         parser.error(f"--filter '{a.filter.pattern}' matches no case; --list shows them")
     open_folder(parser, a)
     programs = Programs(a.programs)
+    a.written = written(a, programs)
     try:
         rows = Rows(a, programs, cases)
     except Failure as e:

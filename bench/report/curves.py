@@ -119,7 +119,7 @@ def scene_section(a, rows, scene):
              for what, title, form in PANELS]
     slow = {"others": " (as slow as exact)"}
     of_front = table([("nothing beats", lambda r: name(name_of(r) + slow.get(r["labels"]["method"], ""))),
-                      ("faster", lambda r: number(r, "point.frame", "times")),
+                      ("frame", lambda r: number(r, "point.frame", "times")),
                       ("shading", lambda r: number(r, "point.shade", "times")),
                       ("rays", lambda r: number(r, "point.share", "share")),
                       ("l_inf", lambda r: number(r, "point.error", "percent")),

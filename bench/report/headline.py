@@ -65,7 +65,7 @@ class Entry:
         """Where the cache loses, and to what; None where it does not."""
         ours, rival, near = self.best_of(True), self.best_of(False), self.nearest()
         where = f"In {name(self.scene)} at {given(self.target)}"
-        if self.winner and METHODS[self.winner].ours:
+        if self.winner and METHODS[self.winner].ours or not any(r["labels"]["method"] in COLUMNS for r in self.points):
             return None
         if self.winner:
             behind = f"before {said(ours)}" if ours else "no setting of the cache that was tried gets there"

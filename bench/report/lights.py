@@ -5,12 +5,12 @@ from report.page import FORMATS, attributes, counted, figure, given, name, numbe
 from report.svg import Plot, Series
 
 TITLE = "By kind of light, over C_E"
-SPEED = [("ray_reduction", "rays", "#0072b2", "square"), ("shade", "shading", "#009e73", "diamond"),
+SPEED = [("ray_reduction", "rays: times fewer", "#0072b2", "square"), ("shade", "shading", "#009e73", "diamond"),
          ("frame", "whole frame", "#d55e00", "circle")]
 ERROR = [("error", "l_inf", "#d55e00", "circle"), ("mispredicted", "mispredicted", "#777777", "down"),
-         ("flip", "FLIP", "#b0508a", "up")]
+         ("flip", "FLIP (of 1)", "#b0508a", "up")]
 COLUMNS = [("paths a pixel", "figures.spp", "plain"), ("C_E", "labels.value", "plain"),
-           ("rays", "point.ray_reduction", "times"), ("frame", "point.frame", "times"),
+           ("times fewer rays", "point.ray_reduction", "times"), ("frame", "point.frame", "times"),
            ("shading", "point.shade", "times"), ("l_inf", "point.error", "percent"),
            ("mispredicted", "point.mispredicted", "percent"), ("FLIP", "point.flip", "flip")]
 
@@ -23,7 +23,8 @@ def plot(rows, what, title, form, y_label):
                          key=lambda r: r["labels"]["value"])
             points = [(r["labels"]["value"], r["point"][field],
                        attributes(r, x="labels.value", y=f"point.{field}"),
-                       f'{words}, C_E = {r["labels"]["value"]:g}: {FORMATS[form](r["point"][field])}') for r in own]
+                       f'{words}, C_E = {r["labels"]["value"]:g}: '
+                       f'{FORMATS["flip" if field == "flip" else form](r["point"][field])}') for r in own]
             if points:
                 words_of = words if smooth else f"{words}, one path"
                 p.series.append(Series(words_of, points, colour, shape, not smooth, not smooth))
@@ -52,7 +53,7 @@ def part_of_picture(rows, own):
 def kind_section(a, rows, kind, scene, own):
     file_name = f"lights-{kind.replace(' ', '-')}-{scene}"
     plots = [save_plot(a, f"{file_name}-speed.svg",
-                       plot(own, SPEED, "times fewer, times faster than exact", "times", lambda v: f"{v:g}x")),
+                       plot(own, SPEED, "times fewer or faster than exact", "times", lambda v: f"{v:g}x")),
              save_plot(a, f"{file_name}-error.svg",
                        plot(own, ERROR, "error", "percent", lambda v: f"{100 * v:g} %"))]
     figures = table([(head, lambda r, f=f, form=form: number(r, f, form)) for head, f, form in COLUMNS], own)

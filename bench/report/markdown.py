@@ -98,7 +98,7 @@ def document(a, sections):
 
 Written by `./report --scenes FOLDER` as `figures.md`, from the rows of which its page is made: the page has plots and
 pictures besides, and says for each number which row it is.
-[report.md](report.md) explains what is measured and how. Machine: {a.machine}."""
+[report.md](report.md) explains what is measured and how. Machine: {a.machine}. {a.written}."""
     return "\n\n".join([head, *(f"## {title}\n\n{markdown(inside)}" for anchor, title, inside in sections
                                 if anchor not in ("pictures", "seeing"))]) + "\n"
 

@@ -126,12 +126,12 @@ def page(a, sections):
 <p>How much faster a frame becomes by the visibility cache and by its rivals, and how wrong. Errors are against the
 exact image of the same samples unless said otherwise: <code>l_inf</code> (so named by Popov et al., no maximum) is the
 sum of absolute differences over the sum of the light that is shadow-tested. Exact traces every shadow ray, in the
-fastest arrangement that we know. In plots of speed over error <b>up and left is better</b>; yellow steps: the fastest
+fastest arrangement that we know; rays are given as shares of its rays. In plots of speed over error <b>up and left is better</b>; yellow steps: the fastest
 that was measured at this error or less.</p>
 {body}
 <footer><h2>Where the numbers come from</h2>
 <p>Each number was taken out of a row of <code>rows.json</code> (<code>rows.csv</code>) and names it: point at it. Below
-each figure stand the commands. Machine: {given(a.machine)}. SCENES is the folder of <code>--scenes</code>; commands
+each figure stand the commands. Machine: {given(a.machine)}. {given(a.written)}. SCENES is the folder of <code>--scenes</code>; commands
 run in the report's folder.</p></footer>
 <script>
 document.querySelectorAll("data[data-row]").forEach(function (d) {{
