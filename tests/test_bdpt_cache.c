@@ -274,7 +274,6 @@ static void time_is_up(void **state)
     stage_free(&g);
 }
 
-/* Argument: the one test to run. */
 /* Nothing in place of a black image. Last: it stays interrupted. */
 static void interrupted_before_it_begins(void **state)
 {

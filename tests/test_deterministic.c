@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The same picture bit for bit, and the same rays, whatever the number of threads is and however they are scheduled. */
+/* The same picture bit for bit, and the same rays, whatever the number of threads is and however they are scheduled;
+ * but for a cache that threads share. */
 #include "render_support.h"
 
 #include "interrupt.h"
+#include "metrics.h"
 
 #include <signal.h>
 
@@ -65,6 +67,38 @@ static void same_with_any_threads(void **state)
     stage_free(&g);
 }
 
+/* One cache for all threads, written to in any order: another picture each time, and as good. */
+static void threads_share_a_cache(void **state)
+{
+    (void)state;
+    static const mode modes[] = {{"exact", VISIBILITY_EXACT, false, 0, 1 << 20},
+                                 {"rows", VISIBILITY_CACHE, false, 4, 1 << 20},
+                                 {"words", VISIBILITY_CACHE, true, 4, 1 << 20}};
+    stage g = mixed_stage(200, 165, 1); /* three regions, a thread each */
+    frame exact = render(&g, &modes[0], 1);
+    for (size_t m = 1; m < sizeof modes / sizeof *modes; m++) {
+        g.v.settings.shared = false;
+        frame own = render(&g, &modes[m], 1);
+        double error = image_compare(&own.lit, &exact.lit).mean_relative;
+        g.v.settings.shared = true;
+        for (int threads = 1; threads <= 7; threads += 3 * case_step()) {
+            frame f = render(&g, &modes[m], threads);
+            double shared = image_compare(&f.lit, &exact.lit).mean_relative;
+            print_message("%s, %d threads: %llu rays, error %.2f %%; a cache for each region: %llu, %.2f %%\n",
+                          modes[m].name, threads, (unsigned long long)f.rays.traced, 100.0 * shared,
+                          (unsigned long long)own.rays.traced, 100.0 * error);
+            assert_true(f.rays.asked == own.rays.asked && f.rays.traced < own.rays.traced * 5 / 4);
+            assert_true(threads > 1 ||
+                        f.rays.traced < own.rays.traced); /* what one region learnt, the next one knows */
+            assert_true(shared < 1.25 * error);
+            frame_free(&f);
+        }
+        frame_free(&own);
+    }
+    frame_free(&exact);
+    stage_free(&g);
+}
+
 /* No memory for the cache of a region: an error that says so, for any number of threads. */
 static void *no_memory(void *context, size_t bytes)
 {
@@ -114,7 +148,8 @@ static void interrupted_before_it_begins(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(same_with_any_threads), cmocka_unit_test(memory_runs_out),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(same_with_any_threads), cmocka_unit_test(threads_share_a_cache),
+                                       cmocka_unit_test(memory_runs_out),
                                        cmocka_unit_test(interrupted_before_it_begins)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
