@@ -2,6 +2,7 @@
 /* Many threads on few rows of a light set, and on the lines of bundled lights: what is found is what was put in for the
  * same cell and light, while others write, replace and clear. To be run under the thread sanitizer too. */
 #include "patchwork.h"
+#include "samples.h"
 
 #include <pthread.h>
 
@@ -107,7 +108,7 @@ static void fight(int threads, int levels, arena a, uint32_t lights, uint64_t ro
 static void threads_on_few_rows(void **state)
 {
     (void)state;
-    for (int threads = 1; threads <= MOST_THREADS; threads *= 2)
+    for (int threads = case_step(); threads <= MOST_THREADS; threads *= 2 * case_step())
         for (uint64_t rows = 1; rows <= 4; rows += rows) {
             arena a = {.eyes = 2 * rows, .span = 1000, .turns = 1000 / (uint64_t)threads + 100};
             fight(threads, 1, a, 1000, rows, 1, rows == 2);
@@ -121,7 +122,7 @@ static void threads_on_few_rows(void **state)
 static void threads_on_one_row(void **state)
 {
     (void)state;
-    for (int threads = 2; threads <= MOST_THREADS; threads *= 2)
+    for (int threads = 2; threads <= MOST_THREADS; threads *= 2 * case_step())
         for (int levels = 1; levels <= 2; levels++) {
             arena shorter = {.eyes = 2, .span = 100, .turns = 200000 / (uint64_t)threads};
             arena longer = {.eyes = 2, .span = 1000, .turns = 40000 / (uint64_t)threads};
@@ -133,7 +134,7 @@ static void threads_on_one_row(void **state)
 static void threads_on_bundles(void **state)
 {
     (void)state;
-    for (int threads = 1; threads <= MOST_THREADS; threads *= 2)
+    for (int threads = case_step(); threads <= MOST_THREADS; threads *= 2 * case_step())
         for (uint64_t words = 16; words <= 1 << 16; words <<= 6) {
             arena a = {.eyes = 4, .span = 60, .turns = 1000 / (uint64_t)threads + 100};
             fight(threads, 1, a, 1000, 0, words, false);
