@@ -50,7 +50,9 @@ class Entry:
         if row is None:
             return "–"
         bold = method == self.winner
-        return f'{number(row, "point.frame", "times", bold=bold)} <small>{name(setting_of(row))}</small>'
+        variant = METHODS[row["labels"]["method"]].name.partition(", ")[2] if row["labels"]["method"] != method else ""
+        setting = ", ".join(t for t in (setting_of(row), variant) if t)
+        return f'{number(row, "point.frame", "times", bold=bold)} <small>{name(setting)}</small>'
 
     def best_of(self, ours):
         return max((r for m, r in self.found.items() if METHODS[m].ours == ours), key=speed, default=None)
