@@ -27,7 +27,8 @@ class Level:
     sequence: dict      # of moving pictures: size, frames, paths a pixel, C_E, environment lights, virtual lights
     edges: dict         # of hard shadows: size, C_E, that of the pictures, edges for a mean (500)
     clusters: dict      # scenes; C_E at several paths a pixel, at one; those that are also rendered unrefined, shared
-    studies: dict       # size and paths of the images, scenes; values of each of whitted's options besides the default
+    studies: dict       # size and paths of the images, scenes; pairs of frames at least, as times
+                        # decide; values of each of whitted's options besides the default
     seeing: dict        # size of the images, virtual and sky lights
 
 
@@ -49,7 +50,7 @@ LEVELS = {
                   "grid": ["NEAR", "OPT"], "estimate": [4, 8]},
         edges={"size": "640x360", "ce": [4, 8, 16], "shown": 8},
         clusters={"scenes": ["conference-lights", "kitchen"], "ce": [8, 32], "one": [8], "also": [8]},
-        studies={"size": "192x108", "spp": 4, "scenes": ["kitchen", "conference"], "ce": 8, "table_mb": 64,
+        studies={"size": "192x108", "spp": 4, "scenes": ["kitchen", "conference"], "ce": 8, "table_mb": 64, "runs": 3,
          "options": {"ce": [4, 16], "cn": [1, 2, 4, 16, 32], "cz": [2, 4, 16, 32], "cr": [1.1, 1.5, 2.5],
                      "refine": [1, 2, 4], "refine-above": [0, 1], "cache-mb": [1, 16, 64]}},
         seeing={"size": "320x180", "lights": 256}),
@@ -68,7 +69,7 @@ LEVELS = {
                   "grid": ["NEAR", "OPT"], "estimate": [4]},
         edges={"size": "320x180", "ce": [4, 8], "shown": 8},
         clusters={"scenes": ["conference-lights"], "ce": [8, 32], "one": [8], "also": [8]},
-        studies={"size": "96x54", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 4,
+        studies={"size": "96x54", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 4, "runs": 1,
          "options": {"ce": [4, 16], "cn": [2, 32], "cz": [2, 32], "cr": [2.5], "refine": [1, 2],
                      "refine-above": [0, 2], "cache-mb": [1, 16]}},
         seeing={"size": "128x72", "lights": 64}),
@@ -85,7 +86,7 @@ LEVELS = {
                   "estimate": [4]},
         edges={"size": "96x54", "ce": [4], "shown": 4, "least": 50},
         clusters={"scenes": ["cornell"], "ce": [8], "one": [4], "also": [8]},
-        studies={"size": "32x18", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 1,
+        studies={"size": "32x18", "spp": 4, "scenes": ["cornell"], "ce": 8, "table_mb": 1, "runs": 1,
          "options": {"ce": [4, 16], "cn": [2], "cz": [2], "cr": [2.5], "refine": [1], "refine-above": [2],
                      "cache-mb": [1]}},
         seeing={"size": "48x27", "lights": 32})}

@@ -36,7 +36,7 @@ REPLAYED = {"default": [], "orientation": ["--cn", "1"], "around-8": ["--around"
 
 def parameters(a, level):
     of = level.studies
-    level = dataclasses.replace(level, size=of["size"], spp=of["spp"])
+    level = dataclasses.replace(level, size=of["size"], spp=of["spp"], runs=max(level.runs, of["runs"]))
     cost = cases.cost(level, level.spp, level.vpls, 2)
     for scene in a.present(of["scenes"]):
         def timed(parameter, value, options):
@@ -44,7 +44,7 @@ def parameters(a, level):
             labels = {"section": "parameters", "scene": scene, "method": "cache", "parameter": parameter,
                       "value": value}
             return Case(f"parameters/{scene}/{parameter}/{cases.word(value)}", cases.compare(a, words, level.runs),
-                        labels, cost=cost)
+                        labels, cost=level.runs * cost)
 
         yield timed("default", "", [])
         for option, values in of["options"].items():
