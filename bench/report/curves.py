@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed against error of every method, a plot for each scene."""
+import statistics
+
 from convergence import front
 from report.methods import METHODS, derived, name_of, stepped_aside
 from report.page import FORMATS, attributes, counted, figure, given, lookup, name, number, save_plot, setting, table
@@ -97,6 +99,19 @@ def rays_cost(rows, points, scene):
            f"{number(cached, 'labels.value', 'plain')}, look-ups included).{alone}"
 
 
+def repeats(rows, points, scene):
+    """By how much the frames differ of which medians were taken: more than exact's, as they are short."""
+    own = [r for r in points if "frames_s" in r["figures"]]
+    if len(own) < 2:
+        return ""
+    spreads = [max(r["figures"]["frames_s"]) / min(r["figures"]["frames_s"]) for r in own]
+    row = derived(rows, f"curves/{scene}/repeats", {"frames": len(own), "middle": statistics.median(spreads),
+                                                    "most": max(spreads)}, [r["id"] for r in own])
+    return f" Of {number(row, 'figures.frames', 'count')} settings whose frames are medians, the slowest frame took " \
+           f"{number(row, 'figures.middle', 'times')} as long as the fastest (the median of these; at most " \
+           f"{number(row, 'figures.most', 'times')}): steps of a curve that are smaller mean nothing."
+
+
 def caption_of(rows, points, scene):
     base = next((r for r in points if r["labels"]["method"] == "limit"), None)
     if not base:
@@ -106,7 +121,7 @@ def caption_of(rows, points, scene):
             f"{number(others, 'point.error', 'percent')} (mean of {counted(others, 'figures.draws', 'draw')}, " \
             f"{number(others, 'figures.least', 'percent')} to {number(others, 'figures.most', 'percent')})." \
         if others else ""
-    more = drawn + rays_cost(rows, points, scene) + step_in_rays(points)
+    more = repeats(rows, points, scene) + drawn + rays_cost(rows, points, scene) + step_in_rays(points)
     return f"{name(scene)}: {setting(base)}. Exact takes {number(base, 'point.exact_s', 'seconds')} a frame, the " \
            f"median of {number(base, 'point.frames', 'plain')}, of which the slowest took " \
            f"{number(base, 'point.noise', 'times')} as long as the fastest. With visibility for nothing it would be " \
@@ -118,7 +133,7 @@ def scene_section(a, rows, scene):
     plots = [save_plot(a, f"curves-{scene}-{what}.svg", plot(points, what, title, form, what == "frame"))
              for what, title, form in PANELS]
     slow = {"others": " (as slow as exact)"}
-    of_front = table([("nothing beats", lambda r: name(name_of(r) + slow.get(r["labels"]["method"], ""))),
+    of_front = table([("what nothing beats", lambda r: name(name_of(r) + slow.get(r["labels"]["method"], ""))),
                       ("frame", lambda r: number(r, "point.frame", "times")),
                       ("shading", lambda r: number(r, "point.shade", "times")),
                       ("rays", lambda r: number(r, "point.share", "share")),
@@ -131,7 +146,7 @@ def scene_section(a, rows, scene):
 
 
 HEAD = """<p>Exact frames stand at the beginning and among the others; by how much they differ, the clock may be wrong.
-Frames of some seconds are medians of three. Methods that shade fewer lights or share shading between paths can be
+Frames of less than five seconds are medians of three; these differ more. Methods that shade fewer lights or share shading between paths can be
 faster than exact with visibility for nothing. Where those that draw K lights have no more than {} to draw from, all
 are traced instead. C_E is that of virtual lights; lights of the sky keep cells of one pixel.
 "Fewer lights" are other virtual lights (and fewer of the sky), "other lights" as many as exact has, both means over

@@ -37,11 +37,17 @@ def slope(rows, scene, base, what):
 
 
 def clock(rows, scenes):
-    """A row of how much the time of one and the same exact frame spread: a standard deviation, as a factor."""
+    """A row of how much times spread, standard deviations as factors: `exact` of one and the same exact frame, `ray`
+    of the time that a ray of the cache took, whatever the parameter; and the larger one. A single slow frame of the
+    default would make every other value look fast."""
     own = {s: [r for p in ("default", "ce", *WHAT, "hash") for r in of_scene(rows, s, p)] for s in scenes}
     spreads = [statistics.stdev(math.log(r["figures"]["exact"]["frame_s"]) for r in of) for of in own.values()
                if len(of) > 1]
-    figures = {"spread": math.exp(max(spreads)) if spreads else None}
+    rays = [[math.log(r["figures"]["mode_run"]["visibility_s"] / r["figures"]["mode_run"]["rays_traced"]) for r in of
+             if r["labels"]["parameter"] != "hash"] for of in own.values()]
+    rays = [statistics.stdev(of) for of in rays if len(of) > 1]
+    figures = {k: math.exp(max(s)) if s else None for k, s in (("exact", spreads), ("ray", rays))}
+    figures["spread"] = max((f for f in figures.values() if f), default=None)
     return derived(rows, "parameters/clock", figures, [r["id"] for of in own.values() for r in of])
 
 
@@ -234,8 +240,10 @@ def section(a, rows):
            f"nothing, for " \
            "C_E buys that too: so each value is also given as rays and time at equal error, C_E being moved along " \
            "its own " \
-           "line of rays over error. Rays within a twentieth count as the same, times within twice the spread of the " \
-           f"same exact frame's, which is a factor of {number(time, 'figures.spread', 'times')} (standard " \
-           f"deviation).</p>"
+           "line of rays over error. Rays within a twentieth count as the same, times within twice the larger of two " \
+           f"spreads (standard deviations, as factors): {number(time, 'figures.exact', 'times')} of the same exact " \
+           f"frame's time, {number(time, 'figures.ray', 'times')} of the time that a ray takes over all frames of the " \
+           "cache: each was rendered once, and that of the default, to which all are compared, may have been a " \
+           "slow one.</p>"
     sections = "".join(parameter_section(a, rows, scenes, p, time["figures"]["spread"]) for p in WHAT)
     return head + sections + hashes(rows, scenes) + replays(rows, scenes)
