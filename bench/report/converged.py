@@ -5,7 +5,7 @@ import statistics
 from convergence import at_time, equal_times, front
 from report.curves import scenes_of
 from report.methods import METHODS, derived, name_of
-from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
+from report.page import FORMATS, attributes, counted, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
 TITLE = "Against the converged image, at equal time"
@@ -69,6 +69,22 @@ def verdict(means):
     return f'<ul class="plain">{"".join(lines)}</ul>'
 
 
+def shared_noise(rows, scene):
+    """What no way of drawing lights takes away: exact, which draws none, over the base at the same paths."""
+    of = {m: [r for r in rows.values() if r["labels"]["section"] == "converged" and r["labels"]["scene"] == scene and
+              r["labels"]["method"] == m and "point" in r] for m in ("exact", BASE)}
+    pairs = [(e, b) for e in of["exact"] for b in of[BASE] if e["labels"]["spp"] == b["labels"]["spp"]]
+    if not pairs:
+        return ""
+    exact, base = max(pairs, key=lambda p: (p[0]["labels"]["spp"], -p[1]["labels"]["value"]))
+    row = derived(rows, f"converged/{scene}/shared", {"share": exact["point"]["rel_mse"] / base["point"]["rel_mse"]},
+                  [exact["id"], base["id"]])
+    return f" With {counted(exact, 'labels.spp', 'path')} a pixel exact, which draws no lights, has " \
+           f"{number(row, 'figures.share', 'share')} of the relMSE of {METHODS[BASE].name} " \
+           f"({name(name_of(base).rsplit(', ', 1)[1])}): that much is noise of samples of lamps and skies and of " \
+           "places in the pixel, which all methods share."
+
+
 def scene_section(a, rows, scene):
     curves = curves_of(rows, scene)
     own = [c["row"] for curve in curves.values() for c in curve]
@@ -80,7 +96,8 @@ def scene_section(a, rows, scene):
     caption = f"{name(scene)}: {setting(own[0])}, and more; the converged image has " \
               f"{number(reference, 'figures.spp', 'plain')} paths a pixel, exact visibility and the same lights. " \
               "Lower and further left is better. Only what no other point of its method beats is drawn; ratios are " \
-              "geometric means over equal times, read off the curves."
+              "geometric means over equal times, read off the curves; within a tenth counts as the same." + \
+              shared_noise(rows, scene)
     drawn = save_plot(a, f"converged-{scene}.svg", plot(curves))
     return f"<h3>{name(scene)}</h3>" + figure(drawn + verdict(means) + figures, caption, own)
 

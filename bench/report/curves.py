@@ -146,9 +146,10 @@ def scene_section(a, rows, scene):
 
 
 HEAD = """<p>Exact frames stand at the beginning and among the others; by how much they differ, the clock may be wrong.
-Frames of less than five seconds are medians of three; these differ more. Methods that shade fewer lights or share shading between paths can be
-faster than exact with visibility for nothing. Where those that draw K lights have no more than {} to draw from, all
-are traced instead. C_E is that of virtual lights; lights of the sky keep cells of one pixel.
+Frames of less than five seconds are medians of three; these differ more. Methods that shade fewer lights or
+share shading between paths can be faster than exact with visibility for nothing. Where those that draw K lights have no
+more than {} to draw from, all are traced instead. C_E is that of virtual lights; lights of the sky keep cells of one
+pixel.
 "Fewer lights" are other virtual lights (and fewer of the sky), "other lights" as many as exact has, both means over
 draws: what lies left of their dotted line is less than the choice of lights changes anyway. Bidirectional path tracing
 and the grid are compared with exact frames of their own.</p>"""

@@ -103,7 +103,7 @@ def span(least, most):
 
 
 def over_selection(rows, entries):
-    """How much faster the estimate is than stochastic selection where both stay within the error; a row, and of what."""
+    """How much faster the estimate is than stochastic selection where both stay within the error."""
     both = [(e.found["estimate"], e.found["selection"]) for e in entries
             if "estimate" in e.found and "selection" in e.found]
     ratios = [ours["point"]["frame"] / other["point"]["frame"] for ours, other in both]
@@ -148,5 +148,6 @@ def section(a, rows, entries):
     knobs = "K: rays a path; C_E: eye samples a cell side; T: tolerance. No mark, or a dash: no setting within the " \
             f"error. Last: kinds of light alone in which no C_E makes a frame {given(f'{LITTLE:g}')} times as fast."
     items = "".join(f"<li><b>{METHODS[m].name}</b>: {words}</li>" for m, words in METHODS_SAID)
-    return sentence(rows, *([e for e in entries if e.error == t] for t in (targets[0], targets[-1]))) + save_plot(a, "glance.svg", drawn) + \
+    said = sentence(rows, *([e for e in entries if e.error == t] for t in (targets[0], targets[-1])))
+    return said + save_plot(a, "glance.svg", drawn) + \
         f"<p>{knobs}</p><details><summary>what the methods do</summary><ul>{items}</ul></details>"

@@ -144,8 +144,8 @@ def section(a, rows):
     loses = '<div class="loses"><b>Where the cache loses</b><ul>' + "".join(f"<li>{s}</li>" for s in lines) + \
             "</ul></div>" if lines else ""
     caption = "How many times faster a whole frame is than exact, by the fastest setting that was measured and stays " \
-              "within the error; the fastest is marked, and what is slower by no more than exact's own frames differ. " \
-              "A dash: no setting stays within it. Errors are what a method " \
+              "within the error; the fastest is marked, and what is slower by no more than exact's own frames " \
+              "differ. A dash: no setting stays within it. Errors are what a method " \
               "adds to one and the same set of lights; as many virtual lights of another draw are another picture, " \
               "off by what the last column says. What this report does not say: each scene is seen by one camera " \
               "with one seed, in small pictures, on the CPU; light trees, ReSTIR and denoisers were not compared."

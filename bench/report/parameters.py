@@ -5,7 +5,7 @@ import statistics
 
 from report.axes import from_zero, logarithmic
 from report.methods import derived
-from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
+from report.page import FORMATS, attributes, counted, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
 TITLE = "Parameters: are the defaults right?"
@@ -236,14 +236,14 @@ def section(a, rows):
     base = [r for s in scenes for r in of_scene(rows, s, "default")]
     time = clock(rows, scenes)
     shown = "; ".join(f"{name(r['labels']['scene'])}: {setting(r)}" for r in base)
-    head = f"<p>The plain cache, one parameter moved at a time. {shown}. Fewer rays with more error prove " \
-           f"nothing, for " \
-           "C_E buys that too: so each value is also given as rays and time at equal error, C_E being moved along " \
-           "its own " \
-           "line of rays over error. Rays within a twentieth count as the same, times within twice the larger of two " \
-           f"spreads (standard deviations, as factors): {number(time, 'figures.exact', 'times')} of the same exact " \
-           f"frame's time, {number(time, 'figures.ray', 'times')} of the time that a ray takes over all frames of the " \
-           "cache: each was rendered once, and that of the default, to which all are compared, may have been a " \
-           "slow one.</p>"
+    pairs = f" Each stands on {counted(base[0], 'figures.runs', 'pair')} of frames, that of the default too, to " \
+            "which all are compared: where it was a slow one, all others look fast." if base else ""
+    head = f"<p>The plain cache, one parameter moved at a time. {shown}. Fewer rays with more error prove nothing, " \
+           "for C_E buys that too: so each value is also given as rays and time at equal error, C_E being moved " \
+           "along its own line of rays over error. Rays within a twentieth count as the same, times within twice the " \
+           "larger of two spreads (standard deviations, as factors): " \
+           f"{number(time, 'figures.exact', 'times')} of the same exact frame's time, " \
+           f"{number(time, 'figures.ray', 'times')} of the time that a ray takes over all frames of the " \
+           f"cache.{pairs}</p>"
     sections = "".join(parameter_section(a, rows, scenes, p, time["figures"]["spread"]) for p in WHAT)
     return head + sections + hashes(rows, scenes) + replays(rows, scenes)
