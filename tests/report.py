@@ -24,7 +24,7 @@ from report.curves import best  # noqa: E402
 from report.headline import Entry, where_little_is_asked  # noqa: E402
 from report.levels import LEVELS  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
-from report.curves import rays_cost, repeats, step_in_rays  # noqa: E402
+from report.curves import at_equal_error, rays_cost, repeats, step_in_rays  # noqa: E402
 from report.parameters import verdict  # noqa: E402
 
 VOID = {"meta", "img", "input", "br", "link"}
@@ -302,8 +302,8 @@ class Report(unittest.TestCase):
             with open(os.path.join(empty, "rows.jsonl"), "w") as f:
                 f.write('{"id": "curves/cornell/exact", "size": "full"}\n')
             for words in (["--scenes", "/nowhere"], ["--out", empty], ["--scenes", empty], ["--out", closed],
-                          ["--only", "nothing"], ["--filter", "nothing"], ["--filter", "("], ["--threads", "-1"],
-                          ["--runs", "0"], ["--whitted", closed], ["--what"]):
+                          ["--only", "nothing"], ["--only", ""], ["--fill", closed], ["--filter", "nothing"],
+                          ["--filter", "("], ["--threads", "-1"], ["--runs", "0"], ["--whitted", closed], ["--what"]):
                 self.assertEqual(len(self.run_it(*words, status=1).splitlines()), 1, words)
 
 
@@ -405,6 +405,17 @@ class Points(unittest.TestCase):
         self.assertEqual(found["figures"], {"most": 1.5})
         self.assertIsNone(methods.clock(rows, "c", [(16, 2.0, "a"), (1, 1.0, "d")]))
 
+    def test_two_curves_at_equal_error(self):
+        rows = {r["id"]: r for r in (row("cache", 2, 0.01), row("cache", 4, 0.04), row("cache-once", 3, 0.02),
+                                     row("cache-once", 9, 0.05), row("cache", 8, 0.01, "hall"),
+                                     row("cache", 2, 0.005, "hall"), row("cache-once", 2, 0.01, "hall"),
+                                     row("cache", 8, 0.01, "cave"), row("cache-once", 2, 0.01, "cave"))}
+        figures = at_equal_error(rows, "cache-once", "cache")["figures"]
+        self.assertEqual((figures["scenes"], figures["faster"]), (2, 1))
+        self.assertAlmostEqual(figures["most"], 3 / 8 ** 0.5)
+        self.assertAlmostEqual(figures["least"], 0.25)
+        self.assertIsNone(at_equal_error({}, "cache-once", "cache"))
+
     def test_no_map_wins_that_is_slower_than_exact(self):
         def of(faster):
             return {"id": "m", "labels": {"value": 64}, "figures": {"l_inf": 0.005, "faster": 0.0123,
@@ -414,6 +425,7 @@ class Points(unittest.TestCase):
                                     (1.5, 0.004, "the cache wins"), (2.5, 0.004, "the cache loses</b> beside")):
             self.assertIn(said, shadow_maps.verdict([of(faster)], [row("cache", 2, error)]))
         self.assertIn(">0.012x<", shadow_maps.verdict([of(2)], []))
+        self.assertNotIn("loses", shadow_maps.verdict([of(2)], []))
 
     def test_at_a_glance(self):
         exact = row("limit", 9, 0)
@@ -438,7 +450,8 @@ class Points(unittest.TestCase):
         words = re.sub(" +", " ", re.sub("<.*?>", "", said))
         self.assertIn("is 4.00x to 12.00x as fast as exact with the estimate from the cache (in 2 of 3 scenes), 2.00x "
                       "with the plain cache, which answers every pair (in 1 of 3 scenes), 2.00x to 8.00x with", words)
-        self.assertIn("the estimate is 1.14x to 1.50x as fast as stochastic selection (within 2 %: 1.50x to 1.71x)", words)
+        self.assertIn("the estimate is 1.14x to 1.50x as fast as stochastic selection (within 2 %: 1.50x to 1.71x)",
+                      words)
         self.assertIn("spots alone (room)", words)
         self.assertNotIn("hair", words)
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed against error of every method, a plot for each scene."""
+import math
 import statistics
 
 from convergence import front
@@ -143,6 +144,32 @@ def scene_section(a, rows, scene):
     inside = plots[0] + f'<div class="row">{plots[1]}{plots[2]}</div>' + of_front
     draws = [r for r in rows.values() if r["labels"].get("scene") == scene and "draw" in r["labels"]]
     return f"<h3>{name(scene)}</h3>" + figure(inside, caption_of(rows, points, scene), points + draws)
+
+
+def speed_at(curve, error):
+    """Of (error, speed) by error, between two points; None beyond them."""
+    for (low, slow), (high, fast) in zip(curve, curve[1:]):
+        if low <= error <= high and low < high:
+            return slow * (fast / slow) ** (math.log(error / low) / math.log(high / low))
+    return None
+
+
+def at_equal_error(rows, method, base):
+    """A row: by how much `method` is faster than `base` at its errors, least and most of the scenes' means, and in how
+    many; None where their curves have no error in common."""
+    means, used = {}, []
+    for scene in scenes_of(rows, "curves"):
+        ours, others = ([r for r in of_scene(rows, scene) if r["labels"]["method"] == m and r["point"]["error"] > 0]
+                        for m in (method, base))
+        curve = sorted((r["point"]["error"], r["point"]["frame"]) for r in others)
+        found = [(r["point"]["frame"], speed_at(curve, r["point"]["error"])) for r in ours]
+        ratios = [frame / other for frame, other in found if other]
+        if ratios:
+            means[scene] = statistics.geometric_mean(ratios)
+            used += [r["id"] for r in (*ours, *others)]
+    return derived(rows, f"curves/equal-error/{method}", {
+        "scenes": len(means), "faster": sum(m > 1.0 for m in means.values()), "least": min(means.values()),
+        "most": max(means.values())}, used) if means else None
 
 
 HEAD = """<p>Exact frames stand at the beginning and among the others; by how much they differ, the clock may be wrong.

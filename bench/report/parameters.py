@@ -4,6 +4,7 @@ import math
 import statistics
 
 from report.axes import from_zero, logarithmic
+from report.curves import at_equal_error
 from report.methods import derived
 from report.page import FORMATS, attributes, counted, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
@@ -137,6 +138,15 @@ def verdict(rows, parameter, of, spread):
     return said + "<b>the default is confirmed</b>, nothing is better by more than what counts as the same."
 
 
+def in_curves(rows):
+    """What whole frames of more scenes and paths say of refining once."""
+    row = at_equal_error(rows, "cache-once", "cache")
+    return " In the curves of speed against error, at the same error, two levels (refined once) are " \
+           f"{number(row, 'figures.least', 'times')} to {number(row, 'figures.most', 'times')} as fast as " \
+           f"{given('log2 C_E')} (means of scenes), and faster in {number(row, 'figures.faster', 'count')} of " \
+           f"{number(row, 'figures.scenes', 'count')}." if row else ""
+
+
 def parameter_section(a, rows, scenes, parameter, spread):
     of = {}
     for scene in scenes:
@@ -162,6 +172,8 @@ def parameter_section(a, rows, scenes, parameter, spread):
              f'{table(columns, flat, f"parameters-{parameter}")}</details>'
     caption = verdict(rows, parameter, of, spread) or \
         "Nothing is said of the default: too few values, or the error does not fall as C_E does."
+    if parameter == "refine":
+        caption += in_curves(rows)
     return f"<h3>{name(WHAT[parameter][0])}</h3>" + figure(inside, caption, sources)
 
 

@@ -57,6 +57,9 @@ def verdict(maps, cached):
         if m["figures"]["without_building"] <= 1.0:
             lines.append(f"<li>{here}<b>exact wins</b>: as fast as maps that are there, and without error</li>")
             continue
+        if not cached:  # `lights` was not measured
+            lines.append(f'<li>{here.rstrip("; ")}</li>')
+            continue
         if best is None:
             lines.append(f'<li class="loses">{here}<b>the cache loses</b>, no C_E that was tried gets there</li>')
             continue
