@@ -395,6 +395,10 @@ class Points(unittest.TestCase):
             self.assertEqual(len(where_little_is_asked([entry])), speed == 4.5)
         self.assertEqual(where_little_is_asked([Entry({"e": exact, "c": cache}, "room", 0.02)]), [])
 
+    def test_variants_are_told_apart(self):
+        entry = Entry({r["id"]: r for r in (row("cache", 2, 0.01), row("cache-once", 3, 0.01))}, "room", 0.02)
+        self.assertIn(">C_E = 8, 2 levels<", entry.cell("cache"))
+
     def test_how_much_times_differ(self):
         frames = [row("estimate", k, 0.01, frames_s=[1.0, 1.1, most]) for k, most in ((1, 1.2), (2, 1.3), (3, 1.5))]
         rows = {}

@@ -11,6 +11,8 @@ LOOSE = 0.05  # where few rays are enough, what a cache costs is most of the fra
 COLUMNS = ["estimate", "cached-selection", "cache", "selection", "fewer", "adaptive", "adaptive-cache", "grid"]
 # variants that stand with the method that they belong to
 ALSO = {"cache": ["cache", "cache-once", "cache-unrefined", "cache-words"]}
+# how these are told apart there
+VARIANTS = {"cache-once": ", 2 levels", "cache-unrefined": ", 1 level", "cache-words": ", pairs"}
 
 
 def speed(row):
@@ -55,7 +57,8 @@ class Entry:
         if row is None:
             return "–"
         bold = self.wins(method)
-        return f'{number(row, "point.frame", "times", bold=bold)} <small>{name(setting_of(row))}</small>'
+        return f'{number(row, "point.frame", "times", bold=bold)} <small>' \
+               f'{name(setting_of(row) + VARIANTS.get(row["labels"]["method"], ""))}</small>'
 
     def best_of(self, ours):
         return max((r for m, r in self.found.items() if METHODS[m].ours == ours), key=speed, default=None)
