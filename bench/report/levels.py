@@ -39,7 +39,7 @@ LEVELS = {
         {"cache": [4, 8, 16, 32], "cache-once": [6, 12, 24], "cache-unrefined": [8, 32], "cache-words": [],
          "estimate": [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 64], "cached-selection": [2, 4, 8, 16],
          "selection": [2, 3, 4, 6, 8, 12, 16, 24, 32, 64],
-         "fewer": [4, 8, 16], "adaptive": [0.2], "adaptive-cache": [0.2], "grid": ["NEAR"], "bdpt": [12]},
+         "fewer": [4, 8, 16], "adaptive": [0.05, 0.2], "adaptive-cache": [0.2], "grid": ["NEAR"], "bdpt": [12]},
         {"cache": 16, "estimate": 8, "selection": 8, "adaptive": 0.2}, True,
         {"hard": ([4, 8, 16, 36], [4, 8, 18]), "soft": ([10, 24, 64], [4, 24])},
         ["kitchen", "living-room", "conference"], 1024,
