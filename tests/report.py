@@ -19,12 +19,12 @@ BENCH, PROGRAMS = os.path.abspath(sys.argv[1]), [os.path.abspath(p) for p in sys
 sys.dont_write_bytecode = True
 sys.path.insert(0, BENCH)
 import exr  # noqa: E402
-from report import axes, edges, glance, methods, svg  # noqa: E402
+from report import axes, edges, glance, methods, shadow_maps, svg  # noqa: E402
 from report.curves import best  # noqa: E402
-from report.headline import Entry  # noqa: E402
+from report.headline import Entry, where_little_is_asked  # noqa: E402
 from report.levels import LEVELS  # noqa: E402
 from report.page import FORMATS, lookup  # noqa: E402
-from report.curves import rays_cost, step_in_rays  # noqa: E402
+from report.curves import at_equal_error, rays_cost, repeats, step_in_rays  # noqa: E402
 from report.parameters import verdict  # noqa: E402
 
 VOID = {"meta", "img", "input", "br", "link"}
@@ -302,8 +302,8 @@ class Report(unittest.TestCase):
             with open(os.path.join(empty, "rows.jsonl"), "w") as f:
                 f.write('{"id": "curves/cornell/exact", "size": "full"}\n')
             for words in (["--scenes", "/nowhere"], ["--out", empty], ["--scenes", empty], ["--out", closed],
-                          ["--only", "nothing"], ["--filter", "nothing"], ["--filter", "("], ["--threads", "-1"],
-                          ["--runs", "0"], ["--whitted", closed], ["--what"]):
+                          ["--only", "nothing"], ["--only", ""], ["--fill", closed], ["--filter", "nothing"],
+                          ["--filter", "("], ["--threads", "-1"], ["--runs", "0"], ["--whitted", closed], ["--what"]):
                 self.assertEqual(len(self.run_it(*words, status=1).splitlines()), 1, words)
 
 
@@ -383,6 +383,54 @@ class Points(unittest.TestCase):
         self.assertRegex(entry.sentence(), "nearest.*5.00 %")
         self.assertIsNone(Entry({r["id"]: r for r in [exact, cache(1.05)]}, "room", 0.02).winner)
 
+    def test_what_the_clock_does_not_tell_apart_does_not_win(self):
+        exact, cache = row("limit", 9, 0), row("cache", 3.8, 0.01)
+        exact["point"]["noise"] = 1.1
+        for speed, won, said in ((4, ["cache", "selection"], "the cache does not win: stochastic selection"),
+                                 (4.5, ["selection"], "the cache loses</b>: fastest is stochastic"),
+                                 (3.7, ["cache", "selection"], "None"), (3, ["cache"], "None")):
+            entry = Entry({r["id"]: r for r in (exact, cache, row("selection", speed, 0.01))}, "room", 0.02)
+            self.assertEqual([m for m in entry.found if entry.wins(m)], won)
+            self.assertIn(said, str(entry.sentence()))
+            self.assertEqual(len(where_little_is_asked([entry])), speed == 4.5)
+        self.assertEqual(where_little_is_asked([Entry({"e": exact, "c": cache}, "room", 0.02)]), [])
+
+    def test_variants_are_told_apart(self):
+        entry = Entry({r["id"]: r for r in (row("cache", 2, 0.01), row("cache-once", 3, 0.01))}, "room", 0.02)
+        self.assertIn(">C_E = 8, 2 levels<", entry.cell("cache"))
+
+    def test_how_much_times_differ(self):
+        frames = [row("estimate", k, 0.01, frames_s=[1.0, 1.1, most]) for k, most in ((1, 1.2), (2, 1.3), (3, 1.5))]
+        rows = {}
+        self.assertIn(">1.50x</data>): steps", repeats(rows, [*frames, row("estimate", 4, 0.01)], "room"))
+        self.assertEqual(rows["curves/room/repeats"]["figures"], {"frames": 3, "middle": 1.3, "most": 1.5})
+        self.assertEqual(repeats(rows, frames[:1], "room"), "")
+        found = methods.clock(rows, "c", [(16, 2.0, "a"), (16, 3.0, "b"), (1, 1.0, "d"), (4, 5.0, "e"), (4, 5.5, "f")])
+        self.assertEqual(found["figures"], {"most": 1.5})
+        self.assertIsNone(methods.clock(rows, "c", [(16, 2.0, "a"), (1, 1.0, "d")]))
+
+    def test_two_curves_at_equal_error(self):
+        rows = {r["id"]: r for r in (row("cache", 2, 0.01), row("cache", 4, 0.04), row("cache-once", 3, 0.02),
+                                     row("cache-once", 9, 0.05), row("cache", 8, 0.01, "hall"),
+                                     row("cache", 2, 0.005, "hall"), row("cache-once", 2, 0.01, "hall"),
+                                     row("cache", 8, 0.01, "cave"), row("cache-once", 2, 0.01, "cave"))}
+        figures = at_equal_error(rows, "cache-once", "cache")["figures"]
+        self.assertEqual((figures["scenes"], figures["faster"]), (2, 1))
+        self.assertAlmostEqual(figures["most"], 3 / 8 ** 0.5)
+        self.assertAlmostEqual(figures["least"], 0.25)
+        self.assertIsNone(at_equal_error({}, "cache-once", "cache"))
+
+    def test_no_map_wins_that_is_slower_than_exact(self):
+        def of(faster):
+            return {"id": "m", "labels": {"value": 64}, "figures": {"l_inf": 0.005, "faster": 0.0123,
+                                                                    "without_building": faster}}
+
+        for faster, error, said in ((0.9, 0.001, "exact wins"), (1.5, 0.01, "the cache loses</b>, no C_E"),
+                                    (1.5, 0.004, "the cache wins"), (2.5, 0.004, "the cache loses</b> beside")):
+            self.assertIn(said, shadow_maps.verdict([of(faster)], [row("cache", 2, error)]))
+        self.assertIn(">0.012x<", shadow_maps.verdict([of(2)], []))
+        self.assertNotIn("loses", shadow_maps.verdict([of(2)], []))
+
     def test_at_a_glance(self):
         exact = row("limit", 9, 0)
         exact["point"]["noise"] = 1.1
@@ -406,7 +454,8 @@ class Points(unittest.TestCase):
         words = re.sub(" +", " ", re.sub("<.*?>", "", said))
         self.assertIn("is 4.00x to 12.00x as fast as exact with the estimate from the cache (in 2 of 3 scenes), 2.00x "
                       "with the plain cache, which answers every pair (in 1 of 3 scenes), 2.00x to 8.00x with", words)
-        self.assertIn("the estimate is 1.14x to 1.50x as fast as stochastic selection", words)
+        self.assertIn("the estimate is 1.14x to 1.50x as fast as stochastic selection (within 2 %: 1.50x to 1.71x)",
+                      words)
         self.assertIn("spots alone (room)", words)
         self.assertNotIn("hair", words)
 

@@ -70,8 +70,11 @@ def parse():
     if a.runs is not None and not 1 <= a.runs <= 99:
         parser.error(f"--runs takes 1 ... 99, not {a.runs}")
     sections = list(dict.fromkeys(s for _, _, s in SECTIONS))
-    if a.only and a.only not in sections:
-        parser.error(f"--only takes {', '.join(sections)}, not {a.only}")
+    if a.only is not None and a.only not in sections:
+        parser.error(f"--only takes {', '.join(sections)}, not {a.only or 'nothing'}")
+    for path in a.fill:  # before hours of measuring
+        if not os.access(path, os.R_OK | os.W_OK):
+            parser.error(f"--fill {path}: cannot be read and written")
     a.level_name = "tiny" if a.tiny else "quick" if a.quick else "full"
     a.level = LEVELS[a.level_name]
     a.level.runs = a.runs or a.level.runs

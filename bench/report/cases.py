@@ -164,10 +164,12 @@ def lights(a, level):
             for value in level.ranges[range_of][aliased]:
                 given = ["--size", level.size, "--spp", str(spp), "--visibility", "cache"]
                 given += [w for k in knobs for w in (k, word(value))]
+                short = aliased or "--light-samples" in words or range_of == "hard"  # frames, which are soon disturbed
+                runs = max(level.runs, level.repeated if short else 1)
                 yield Case(f"lights/{kind.replace(' ', '-')}/{scene}/{spp}spp/{word(value)}",
-                           compare(a, words + given, level.runs),
+                           compare(a, words + given, runs),
                            {"section": "lights", "kind": kind, "scene": scene, "method": "cache", "value": value,
-                            "anti_aliased": not aliased}, cost=cost(level, spp, level.vpls, 1.4 * level.runs))
+                            "anti_aliased": not aliased}, cost=cost(level, spp, level.vpls, 1.4 * runs))
 
 
 def converged(a, level):

@@ -5,7 +5,7 @@ import statistics
 from convergence import at_time, equal_times, front
 from report.curves import scenes_of
 from report.methods import METHODS, derived, name_of
-from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
+from report.page import FORMATS, attributes, counted, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
 TITLE = "Against the converged image, at equal time"
@@ -50,18 +50,39 @@ def ratios(rows, scene, curves):
     return at, derived(rows, f"converged/{scene}/means", means, [r["id"] for r in at]) if means else None
 
 
+def is_less(ratio):
+    """By more than what the clock, by which errors go down, may be wrong."""
+    return ratio < 0.9
+
+
 def verdict(means):
     if means is None:
         return "<p>The curves have no time in common: nothing is said of who is better.</p>"
     lines = []
     for m, ratio in means["figures"].items():
-        how = "less" if ratio < 0.95 else "about the same" if ratio <= 1.05 else "more"
-        colour = "wins" if ratio < 0.95 else ""
-        if METHODS[m].ours and ratio > 1.05:
+        how = "less" if is_less(ratio) else "more" if is_less(1 / ratio) else "about the same"
+        colour = "wins" if is_less(ratio) else ""
+        if METHODS[m].ours and is_less(1 / ratio):
             how, colour = "more: <b>it loses</b>", "loses"
         lines.append(f'<li class="{colour}">{METHODS[m].name}: {number(means, f"figures.{m}", "times")} the relMSE of '
                      f"{METHODS[BASE].name} in the same seconds ({how})</li>")
     return f'<ul class="plain">{"".join(lines)}</ul>'
+
+
+def shared_noise(rows, scene):
+    """What no way of drawing lights takes away: exact, which draws none, over the base at the same paths."""
+    of = {m: [r for r in rows.values() if r["labels"]["section"] == "converged" and r["labels"]["scene"] == scene and
+              r["labels"]["method"] == m and "point" in r] for m in ("exact", BASE)}
+    pairs = [(e, b) for e in of["exact"] for b in of[BASE] if e["labels"]["spp"] == b["labels"]["spp"]]
+    if not pairs:
+        return ""
+    exact, base = max(pairs, key=lambda p: (p[0]["labels"]["spp"], -p[1]["labels"]["value"]))
+    row = derived(rows, f"converged/{scene}/shared", {"share": exact["point"]["rel_mse"] / base["point"]["rel_mse"]},
+                  [exact["id"], base["id"]])
+    return f" With {counted(exact, 'labels.spp', 'path')} a pixel exact, which draws no lights, has " \
+           f"{number(row, 'figures.share', 'share')} of the relMSE of {METHODS[BASE].name} " \
+           f"({name(name_of(base).rsplit(', ', 1)[1])}): that much is noise of samples of lamps and skies and of " \
+           "places in the pixel, which all methods share."
 
 
 def scene_section(a, rows, scene):
@@ -75,7 +96,8 @@ def scene_section(a, rows, scene):
     caption = f"{name(scene)}: {setting(own[0])}, and more; the converged image has " \
               f"{number(reference, 'figures.spp', 'plain')} paths a pixel, exact visibility and the same lights. " \
               "Lower and further left is better. Only what no other point of its method beats is drawn; ratios are " \
-              "geometric means over equal times, read off the curves."
+              "geometric means over equal times, read off the curves; within a tenth counts as the same." + \
+              shared_noise(rows, scene)
     drawn = save_plot(a, f"converged-{scene}.svg", plot(curves))
     return f"<h3>{name(scene)}</h3>" + figure(drawn + verdict(means) + figures, caption, own)
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed against error of every method, a plot for each scene."""
+import math
+import statistics
+
 from convergence import front
 from report.methods import METHODS, derived, name_of, stepped_aside
 from report.page import FORMATS, attributes, counted, figure, given, lookup, name, number, save_plot, setting, table
@@ -97,6 +100,19 @@ def rays_cost(rows, points, scene):
            f"{number(cached, 'labels.value', 'plain')}, look-ups included).{alone}"
 
 
+def repeats(rows, points, scene):
+    """By how much the frames differ of which medians were taken: more than exact's, as they are short."""
+    own = [r for r in points if "frames_s" in r["figures"]]
+    if len(own) < 2:
+        return ""
+    spreads = [max(r["figures"]["frames_s"]) / min(r["figures"]["frames_s"]) for r in own]
+    row = derived(rows, f"curves/{scene}/repeats", {"frames": len(own), "middle": statistics.median(spreads),
+                                                    "most": max(spreads)}, [r["id"] for r in own])
+    return f" Of {number(row, 'figures.frames', 'count')} settings whose frames are medians, the slowest frame took " \
+           f"{number(row, 'figures.middle', 'times')} as long as the fastest (the median of these; at most " \
+           f"{number(row, 'figures.most', 'times')}): steps of a curve that are smaller mean nothing."
+
+
 def caption_of(rows, points, scene):
     base = next((r for r in points if r["labels"]["method"] == "limit"), None)
     if not base:
@@ -106,7 +122,7 @@ def caption_of(rows, points, scene):
             f"{number(others, 'point.error', 'percent')} (mean of {counted(others, 'figures.draws', 'draw')}, " \
             f"{number(others, 'figures.least', 'percent')} to {number(others, 'figures.most', 'percent')})." \
         if others else ""
-    more = drawn + rays_cost(rows, points, scene) + step_in_rays(points)
+    more = repeats(rows, points, scene) + drawn + rays_cost(rows, points, scene) + step_in_rays(points)
     return f"{name(scene)}: {setting(base)}. Exact takes {number(base, 'point.exact_s', 'seconds')} a frame, the " \
            f"median of {number(base, 'point.frames', 'plain')}, of which the slowest took " \
            f"{number(base, 'point.noise', 'times')} as long as the fastest. With visibility for nothing it would be " \
@@ -118,7 +134,7 @@ def scene_section(a, rows, scene):
     plots = [save_plot(a, f"curves-{scene}-{what}.svg", plot(points, what, title, form, what == "frame"))
              for what, title, form in PANELS]
     slow = {"others": " (as slow as exact)"}
-    of_front = table([("nothing beats", lambda r: name(name_of(r) + slow.get(r["labels"]["method"], ""))),
+    of_front = table([("what nothing beats", lambda r: name(name_of(r) + slow.get(r["labels"]["method"], ""))),
                       ("frame", lambda r: number(r, "point.frame", "times")),
                       ("shading", lambda r: number(r, "point.shade", "times")),
                       ("rays", lambda r: number(r, "point.share", "share")),
@@ -130,10 +146,37 @@ def scene_section(a, rows, scene):
     return f"<h3>{name(scene)}</h3>" + figure(inside, caption_of(rows, points, scene), points + draws)
 
 
+def speed_at(curve, error):
+    """Of (error, speed) by error, between two points; None beyond them."""
+    for (low, slow), (high, fast) in zip(curve, curve[1:]):
+        if low <= error <= high and low < high:
+            return slow * (fast / slow) ** (math.log(error / low) / math.log(high / low))
+    return None
+
+
+def at_equal_error(rows, method, base):
+    """A row: by how much `method` is faster than `base` at its errors, least and most of the scenes' means, and in how
+    many; None where their curves have no error in common."""
+    means, used = {}, []
+    for scene in scenes_of(rows, "curves"):
+        ours, others = ([r for r in of_scene(rows, scene) if r["labels"]["method"] == m and r["point"]["error"] > 0]
+                        for m in (method, base))
+        curve = sorted((r["point"]["error"], r["point"]["frame"]) for r in others)
+        found = [(r["point"]["frame"], speed_at(curve, r["point"]["error"])) for r in ours]
+        ratios = [frame / other for frame, other in found if other]
+        if ratios:
+            means[scene] = statistics.geometric_mean(ratios)
+            used += [r["id"] for r in (*ours, *others)]
+    return derived(rows, f"curves/equal-error/{method}", {
+        "scenes": len(means), "faster": sum(m > 1.0 for m in means.values()), "least": min(means.values()),
+        "most": max(means.values())}, used) if means else None
+
+
 HEAD = """<p>Exact frames stand at the beginning and among the others; by how much they differ, the clock may be wrong.
-Frames of some seconds are medians of three. Methods that shade fewer lights or share shading between paths can be
-faster than exact with visibility for nothing. Where those that draw K lights have no more than {} to draw from, all
-are traced instead. C_E is that of virtual lights; lights of the sky keep cells of one pixel.
+Frames of less than five seconds are medians of three; these differ more. Methods that shade fewer lights or
+share shading between paths can be faster than exact with visibility for nothing. Where those that draw K lights have no
+more than {} to draw from, all are traced instead. C_E is that of virtual lights; lights of the sky keep cells of one
+pixel.
 "Fewer lights" are other virtual lights (and fewer of the sky), "other lights" as many as exact has, both means over
 draws: what lies left of their dotted line is less than the choice of lights changes anyway. Bidirectional path tracing
 and the grid are compared with exact frames of their own.</p>"""

@@ -67,7 +67,7 @@ def where_edges_go(row):
         of = attributes(row, x=f"figures.ways.{i}.right", y=f"figures.ways.{i}.down")
         parts.append(told(of, tip, marker(x, y, shape, colour, False, hollow)))
         drawn.append(Series(words(w["name"]), [(x, y)], colour, shape))
-    for said, x, y, colour in place_labels(drawn, (8, width - 8, 30, bottom), 12, []):
+    for said, x, y, colour in place_labels(drawn, (left, width - 8, 30, bottom), 12, []):
         parts.append(text(x, y, said, "start", f' fill="{colour}" class="name" font-weight="bold" stroke="#fff" '
                                                'stroke-width="3" paint-order="stroke"'))
     return "\n".join(parts + ["</svg>", ""])

@@ -102,7 +102,16 @@ def span(least, most):
     return " to ".join(words.values())
 
 
-def sentence(rows, entries):
+def over_selection(rows, entries):
+    """How much faster the estimate is than stochastic selection where both stay within the error."""
+    both = [(e.found["estimate"], e.found["selection"]) for e in entries
+            if "estimate" in e.found and "selection" in e.found]
+    ratios = [ours["point"]["frame"] / other["point"]["frame"] for ours, other in both]
+    return derived(rows, f"headline/ratios/{entries[0].error:g}", {"least": min(ratios), "most": max(ratios)},
+                   [r["id"] for pair in both for r in pair]) if both else None
+
+
+def sentence(rows, entries, larger):
     """What each method reaches within the lesser target."""
     of = {m: [e.found[m] for e in entries if m in e.found] for m in SHOWN}
     row = derived(rows, "headline/reached", {"scenes": len(entries), **{m: len(found) for m, found in of.items()}},
@@ -114,18 +123,18 @@ def sentence(rows, entries):
             said.append(f'<b>{span((found[0], "point.frame"), (found[-1], "point.frame"))}</b>'
                         f'{"" if said else " as fast as exact"} with {SHOWN[m]} (in '
                         f'{number(row, f"figures.{m}", "count")} of {number(row, "figures.scenes", "count")} scenes)')
-    both = [e.found["estimate"]["point"]["frame"] / e.found["selection"]["point"]["frame"] for e in entries
-            if "estimate" in e.found and "selection" in e.found]
     more = [f"a whole frame is {', '.join(said)}"] if said else []
     more += [f"no setting of {' or of '.join(lacking)} that was measured gets there"] if lacking else []
     more = [f"Within an error (l_inf) of {given(entries[0].target)} " + "; ".join(more) + "."]
     if any(0 < len(found) < len(entries) for found in of.values()):
         more.append("In the other scenes no setting that was measured gets there.")
-    if both:
-        ratios = derived(rows, "headline/ratios", {"least": min(both), "most": max(both)},
-                         [r["id"] for m in ("estimate", "selection") for r in of[m]])
+    ratios = over_selection(rows, entries)
+    if ratios:
+        wider = over_selection(rows, larger)
+        also = f' (within {given(larger[0].target)}: {span((wider, "figures.least"), (wider, "figures.most"))})' \
+            if wider else ""
         more.append(f'Where both get there the estimate is {span((ratios, "figures.least"), (ratios, "figures.most"))} '
-                    "as fast as stochastic selection.")
+                    f"as fast as stochastic selection{also}.")
     return f'<p class="lead">{" ".join(more)}</p>'
 
 
@@ -136,8 +145,10 @@ def section(a, rows, entries):
         return ""
     targets = list(dict.fromkeys(e.error for e in entries))
     drawn = plot(scenes(entries) + hard_lights(rows, targets), [e.target for e in entries[:2]])
-    knobs = "K: rays a path; C_E: eye samples a cell side; T: tolerance. No mark, or a dash: no setting within the " \
+    knobs = "K: rays a path; C_E: eye samples a cell side; levels: of refinement, " \
+            f"{given('log2 C_E')} where none are named; T: tolerance. No mark, or a dash: no setting within the " \
             f"error. Last: kinds of light alone in which no C_E makes a frame {given(f'{LITTLE:g}')} times as fast."
     items = "".join(f"<li><b>{METHODS[m].name}</b>: {words}</li>" for m, words in METHODS_SAID)
-    return sentence(rows, [e for e in entries if e.error == targets[0]]) + save_plot(a, "glance.svg", drawn) + \
+    said = sentence(rows, *([e for e in entries if e.error == t] for t in (targets[0], targets[-1])))
+    return said + save_plot(a, "glance.svg", drawn) + \
         f"<p>{knobs}</p><details><summary>what the methods do</summary><ul>{items}</ul></details>"

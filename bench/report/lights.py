@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plain cache over C_E by kind of light, with anti-aliasing and without (Popov et al. 2013, Fig. 7)."""
-from report.methods import derived
+from report.methods import clock, derived
 from report.page import FORMATS, attributes, counted, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
@@ -47,7 +47,15 @@ def part_of_picture(rows, own):
         return ""
     row = derived(rows, own[0]["id"] + "/part", {"share": error["l_inf_whole"] / error["l_inf"]}, [own[0]["id"]])
     return f" These lights bring {number(row, 'figures.share', 'share')} of the picture's light, and l_inf is over " \
-           "that alone; over the whole picture it is smaller by as much."
+           "that alone; over the whole picture it is this share of it."
+
+
+def how_sure(rows, file_name, own):
+    """What to think of steps in the times."""
+    row = clock(rows, f"lights/{file_name}/clock", [(r["figures"]["spp"], r["figures"]["exact"]["frame_s"], r["id"])
+                                                    for r in own])
+    return f" Exact frames of one setting differ by up to {number(row, 'figures.most', 'times')}, and so may times; " \
+           "rays and errors are counted." if row else ""
 
 
 def kind_section(a, rows, kind, scene, own):
@@ -66,7 +74,8 @@ def kind_section(a, rows, kind, scene, own):
     marks = '<span class="plot">; filled: with anti-aliasing, hollow: one path a pixel</span>'
     caption = f"{name(scene)}, {name(kind)}: {setting(own[0])}{marks}. "
     inside = f'<div class="row">{plots[0]}{plots[1]}</div><details><summary>figures</summary>{figures}</details>'
-    return f"<h3>{name(kind)}: {name(scene)}</h3>" + figure(inside, caption + verdict + part_of_picture(rows, own), own)
+    return f"<h3>{name(kind)}: {name(scene)}</h3>" + figure(inside, caption + verdict + part_of_picture(rows, own) +
+                                                    how_sure(rows, file_name, own), own)
 
 
 def section(a, rows):

@@ -100,6 +100,16 @@ def derived(rows, id, figures, parents, labels=None):
     return rows[id]
 
 
+def clock(rows, id, of):
+    """A row of how much exact frames differ that should take the same: slowest over fastest, the most over groups of
+    one setting. `of`: (setting, seconds, id). None where there is but one of each."""
+    groups = {}
+    for setting, seconds, _ in of:
+        groups.setdefault(setting, []).append(seconds)
+    spreads = [max(g) / min(g) for g in groups.values() if len(g) > 1]
+    return derived(rows, id, {"most": max(spreads)}, [i for _, _, i in of]) if spreads else None
+
+
 def add_means(rows):
     """Of several draws of lights one row: means of errors, medians of speeds. Those of as many lights as exact has are
     as slow as it."""

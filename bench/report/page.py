@@ -5,7 +5,8 @@ import html
 import os
 
 FORMATS = {"percent": lambda v: f"{100 * v:.2f} %", "share": lambda v: f"{100 * v:.1f} %",
-           "times": lambda v: f"{v:.2f}x", "seconds": lambda v: f"{v:.3g} s", "count": lambda v: f"{v:,.0f}",
+           "times": lambda v: f"{v:.2f}x" if v >= 0.095 else f"{v:.2g}x", "seconds": lambda v: f"{v:.3g} s",
+           "count": lambda v: f"{v:,.0f}",
            "plain": lambda v: f"{v:g}" if isinstance(v, (int, float)) else str(v), "flip": lambda v: f"{v:.4f}",
            "error": lambda v: f"{v:.3g}", "pixels": lambda v: f"{v:.2f}"}
 ESCAPE = html.escape
@@ -126,13 +127,13 @@ def page(a, sections):
 <p>How much faster a frame becomes by the visibility cache and by its rivals, and how wrong. Errors are against the
 exact image of the same samples unless said otherwise: <code>l_inf</code> (so named by Popov et al., no maximum) is the
 sum of absolute differences over the sum of the light that is shadow-tested. Exact traces every shadow ray, in the
-fastest arrangement that we know; rays are given as shares of its rays. In plots of speed over error <b>up and left is better</b>; yellow steps: the fastest
-that was measured at this error or less.</p>
+fastest arrangement that we know; rays are given as shares of its rays. In plots of speed over error
+<b>up and left is better</b>; yellow steps: the fastest that was measured at this error or less.</p>
 {body}
 <footer><h2>Where the numbers come from</h2>
 <p>Each number was taken out of a row of <code>rows.json</code> (<code>rows.csv</code>) and names it: point at it. Below
-each figure stand the commands. Machine: {given(a.machine)}. {given(a.written)}. SCENES is the folder of <code>--scenes</code>; commands
-run in the report's folder.</p></footer>
+each figure stand the commands. Machine: {given(a.machine)}. {given(a.written)}.
+SCENES is the folder of <code>--scenes</code>; commands run in the report's folder.</p></footer>
 <script>
 document.querySelectorAll("data[data-row]").forEach(function (d) {{
   d.title = d.dataset.row + ": " + d.dataset.field + " = " + d.value; }});

@@ -4,8 +4,9 @@ import math
 import statistics
 
 from report.axes import from_zero, logarithmic
+from report.curves import at_equal_error
 from report.methods import derived
-from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
+from report.page import FORMATS, attributes, counted, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
 TITLE = "Parameters: are the defaults right?"
@@ -37,11 +38,17 @@ def slope(rows, scene, base, what):
 
 
 def clock(rows, scenes):
-    """A row of how much the time of one and the same exact frame spread: a standard deviation, as a factor."""
+    """A row of how much times spread, standard deviations as factors: `exact` of one and the same exact frame, `ray`
+    of the time that a ray of the cache took, whatever the parameter; and the larger one. A single slow frame of the
+    default would make every other value look fast."""
     own = {s: [r for p in ("default", "ce", *WHAT, "hash") for r in of_scene(rows, s, p)] for s in scenes}
     spreads = [statistics.stdev(math.log(r["figures"]["exact"]["frame_s"]) for r in of) for of in own.values()
                if len(of) > 1]
-    figures = {"spread": math.exp(max(spreads)) if spreads else None}
+    rays = [[math.log(r["figures"]["mode_run"]["visibility_s"] / r["figures"]["mode_run"]["rays_traced"]) for r in of
+             if r["labels"]["parameter"] != "hash"] for of in own.values()]
+    rays = [statistics.stdev(of) for of in rays if len(of) > 1]
+    figures = {k: math.exp(max(s)) if s else None for k, s in (("exact", spreads), ("ray", rays))}
+    figures["spread"] = max((f for f in figures.values() if f), default=None)
     return derived(rows, "parameters/clock", figures, [r["id"] for of in own.values() for r in of])
 
 
@@ -131,6 +138,15 @@ def verdict(rows, parameter, of, spread):
     return said + "<b>the default is confirmed</b>, nothing is better by more than what counts as the same."
 
 
+def in_curves(rows):
+    """What whole frames of more scenes and paths say of refining once."""
+    row = at_equal_error(rows, "cache-once", "cache")
+    return " In the curves of speed against error, at the same error, two levels (refined once) are " \
+           f"{number(row, 'figures.least', 'times')} to {number(row, 'figures.most', 'times')} as fast as " \
+           f"{given('log2 C_E')} (means of scenes), and faster in {number(row, 'figures.faster', 'count')} of " \
+           f"{number(row, 'figures.scenes', 'count')}." if row else ""
+
+
 def parameter_section(a, rows, scenes, parameter, spread):
     of = {}
     for scene in scenes:
@@ -156,6 +172,8 @@ def parameter_section(a, rows, scenes, parameter, spread):
              f'{table(columns, flat, f"parameters-{parameter}")}</details>'
     caption = verdict(rows, parameter, of, spread) or \
         "Nothing is said of the default: too few values, or the error does not fall as C_E does."
+    if parameter == "refine":
+        caption += in_curves(rows)
     return f"<h3>{name(WHAT[parameter][0])}</h3>" + figure(inside, caption, sources)
 
 
@@ -230,12 +248,14 @@ def section(a, rows):
     base = [r for s in scenes for r in of_scene(rows, s, "default")]
     time = clock(rows, scenes)
     shown = "; ".join(f"{name(r['labels']['scene'])}: {setting(r)}" for r in base)
-    head = f"<p>The plain cache, one parameter moved at a time. {shown}. Fewer rays with more error prove " \
-           f"nothing, for " \
-           "C_E buys that too: so each value is also given as rays and time at equal error, C_E being moved along " \
-           "its own " \
-           "line of rays over error. Rays within a twentieth count as the same, times within twice the spread of the " \
-           f"same exact frame's, which is a factor of {number(time, 'figures.spread', 'times')} (standard " \
-           f"deviation).</p>"
+    pairs = f" Each stands on {counted(base[0], 'figures.runs', 'pair')} of frames, that of the default too, to " \
+            "which all are compared: where it was a slow one, all others look fast." if base else ""
+    head = f"<p>The plain cache, one parameter moved at a time. {shown}. Fewer rays with more error prove nothing, " \
+           "for C_E buys that too: so each value is also given as rays and time at equal error, C_E being moved " \
+           "along its own line of rays over error. Rays within a twentieth count as the same, times within twice the " \
+           "larger of two spreads (standard deviations, as factors): " \
+           f"{number(time, 'figures.exact', 'times')} of the same exact frame's time, " \
+           f"{number(time, 'figures.ray', 'times')} of the time that a ray takes over all frames of the " \
+           f"cache.{pairs}</p>"
     sections = "".join(parameter_section(a, rows, scenes, p, time["figures"]["spread"]) for p in WHAT)
     return head + sections + hashes(rows, scenes) + replays(rows, scenes)

@@ -39,7 +39,15 @@ def zooms(a, row, prefix):
     return f'<div class="row zoom">{"".join(out)}</div>'
 
 
-def one(a, row):
+def at_which_speed(rows, row):
+    """What the frame took, of the case of `curves` that made the image."""
+    labels = row["labels"]
+    made = rows.get(f'curves/{labels["scene"]}/{labels["method"]}/{labels["value"]:g}')
+    return f" A frame is {number(made, 'point.frame', 'times')} as fast as exact, with " \
+           f"{number(made, 'point.share', 'share')} of its shadow rays." if made and "point" in made else ""
+
+
+def one(a, rows, row):
     scene, method = row["labels"]["scene"], name_of(row)
     prefix = f'pictures/{scene}-{row["labels"]["method"]}'
     exact, other, error, flip = (picture(a, f"{prefix}-{what}.png", title) for what, title in (
@@ -51,7 +59,7 @@ def one(a, row):
     caption = f"{name(scene)}: exact left of the line, {name(method)} right of it. Whole image, what is seen " \
               f"directly included: l_inf {number(row, 'figures.l_inf', 'percent')}, FLIP " \
               f"{number(row, 'figures.flip', 'flip')}, HDR-FLIP " \
-              f"{number(row, 'figures.flip_hdr', 'flip')}."
+              f"{number(row, 'figures.flip_hdr', 'flip')}.{at_which_speed(rows, row)}"
     inside = f'<div class="row">{slider}<div class="small">{beside}</div></div>{zooms(a, row, prefix)}'
     return f"<h3>{name(scene)}: {name(method)}</h3>" + figure(inside, caption, [row])
 
@@ -61,5 +69,5 @@ def section(a, rows):
     head = "<p>Left of the line exact, right of it a method; the slider moves the line. Beside it eight times the " \
            "difference, from grey (none) to red, and FLIP, how much of a difference one sees when the two are shown " \
            "by turns, from black (none) over red and yellow to white. Below, the three squares with the most FLIP: " \
-           "exact, method, FLIP.</p>"
-    return STYLE + head + "\n".join(one(a, r) for r in own) + SCRIPT
+           "exact, method, FLIP. The settings are neither equally fast nor equally wrong: each says how fast it is.</p>"
+    return STYLE + head + "\n".join(one(a, rows, r) for r in own) + SCRIPT

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plain shadow maps against the cache, where lights are points and suns (Popov et al. 2013, Sect. 5.4)."""
 from report.curves import percents
+from report.methods import clock
 from report.page import FORMATS, attributes, figure, given, name, number, save_plot, setting, table
 from report.svg import Plot, Series
 
@@ -53,6 +54,12 @@ def verdict(maps, cached):
         best = max(within, key=lambda r: r["point"]["frame"], default=None)
         here = f'{side(m)} ({number(m, "figures.l_inf", "percent")}): maps {number(m, "figures.faster", "times")}, ' \
                f'{number(m, "figures.without_building", "times")} without making them; '
+        if m["figures"]["without_building"] <= 1.0:
+            lines.append(f"<li>{here}<b>exact wins</b>: as fast as maps that are there, and without error</li>")
+            continue
+        if not cached:  # `lights` was not measured
+            lines.append(f'<li>{here.rstrip("; ")}</li>')
+            continue
         if best is None:
             lines.append(f'<li class="loses">{here}<b>the cache loses</b>, no C_E that was tried gets there</li>')
             continue
@@ -62,6 +69,12 @@ def verdict(maps, cached):
                      f'{number(best, "point.frame", "times")} (C_E = {number(best, "labels.value", "plain")}, '
                      f'{number(best, "point.error", "percent")})</li>')
     return f'<ul class="plain">{"".join(lines)}</ul>'
+
+
+def how_sure(rows, scene, maps):
+    row = clock(rows, f"maps/{scene}/clock", [("", m["figures"]["exact_s"], m["id"]) for m in maps])
+    return f" These exact frames differ by up to {number(row, 'figures.most', 'times')}, and so may times." \
+        if row else ""
 
 
 def scene_section(a, rows, scene, maps):
@@ -83,7 +96,8 @@ def scene_section(a, rows, scene, maps):
                       ("looked up in", lambda r: number(r, "figures.lookup_s", "seconds")),
                       ("exact: rays in", lambda r: number(r, "figures.visibility_s", "seconds"))], maps)
     caption = f"{name(scene)}, {name(kind)}: {setting(maps[0])}. Frames of maps are exact's with another visibility, " \
-              "each over the exact frame of the same run; the bias is the one with the fewest mispredicted pairs."
+              "each over the exact frame of the same run; the bias is the one with the fewest mispredicted pairs." + \
+              how_sure(rows, scene, maps)
     drawn = save_plot(a, f"maps-{scene}.svg", plot(maps, cached))
     return f"<h3>{name(kind)}: {name(scene)}</h3>" + figure(drawn + verdict(maps, cached) + figures, caption,
                                                              maps + cached)
