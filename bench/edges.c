@@ -9,7 +9,7 @@
  * Where the row below has an edge too, at most two pixels aside, the change of the shift from one to the other is
  * raggedness that exact does not have: its root mean square, in pixels. Orders of eye samples: the renderer's own
  * (Halton order in tiles along a Morton curve), scanlines, random; with refinement and without. Prints JSON. --picture:
- * the image in each way as PREFIX-WAY.png and of the square where most edges show, the same in all,
+ * the image in each way as PREFIX-WAY.png and of the square where unrefined edges are shifted most, the same in all,
  * PREFIX-zoom-WAY.png.
  */
 #include "lighting.h"
@@ -30,7 +30,7 @@ static const way ways[] = {
     {"halton", ORDER_HALTON, 0},       {"scanline", ORDER_SCANLINE, 0},       {"random", ORDER_RANDOM, 0},
     {"halton-plain", ORDER_HALTON, 1}, {"scanline-plain", ORDER_SCANLINE, 1}, {"random-plain", ORDER_RANDOM, 1},
 };
-enum { WAYS = sizeof ways / sizeof *ways, JOINED = 2, SIDE = 64 }; /* SIDE: of what is enlarged, in pixels */
+enum { WAYS = sizeof ways / sizeof *ways, PLAIN = 3, JOINED = 2, SIDE = 64 }; /* SIDE: of what is enlarged, in pixels */
 
 /* A view with one eye sample a pixel. */
 typedef struct scan {
@@ -44,7 +44,7 @@ typedef struct shifts {
     uint64_t edges, pairs;
     double sum, absolute, ragged; /* of squares, the last */
     const image *shown;           /* the exact image; NULL where `where` is not wanted */
-    float *where;                 /* of each pixel: how much of the edges before it shows, by the root of light */
+    float *where; /* of each pixel: how much of the shifts of edges before it shows, by the root of light */
 } shifts;
 
 static scan scan_new(const settings *f, const eye_list *eyes, uint32_t half)
@@ -129,7 +129,8 @@ static void measure(const scan *s, const light_bits *exact, const light_bits *ot
             out->edges++;
             if (out->shown) {
                 size_t behind = row * next + (i + s->half) * step;
-                out->where[behind] += contrast(out->shown->pixels[behind - step], out->shown->pixels[behind]);
+                out->where[behind] +=
+                    contrast(out->shown->pixels[behind - step], out->shown->pixels[behind]) * (float)fabs(shift);
             }
             out->sum += shift;
             out->absolute += fabs(shift);
@@ -169,15 +170,16 @@ static void print(const way *w, const scan *s, const stage *of, const lit *exact
 
 /* ------------------------------------------------------------------------------------------------------- pictures */
 
-/* The square in which most edges show, those of all lights together. */
-static void most_edges(const scan *s, const lit *exact, uint32_t lights, uint32_t side, uint32_t *x, uint32_t *y)
+/* The square in which the shifts of edges show most, those of all lights together. */
+static void worst_edges(const scan *s, const lit *exact, const lit *other, uint32_t lights, uint32_t side, uint32_t *x,
+                        uint32_t *y)
 {
     shifts found = {.shown = &exact->image, .where = xcalloc((size_t)s->width * s->height, sizeof *found.where)};
     uint32_t pace = side > 8 ? side / 8 : 1;
     double most = -1.0;
     for (uint32_t i = 0; i < lights; i++) {
-        measure(s, &exact->bits, &exact->bits, i, false, &found);
-        measure(s, &exact->bits, &exact->bits, i, true, &found);
+        measure(s, &exact->bits, &other->bits, i, false, &found);
+        measure(s, &exact->bits, &other->bits, i, true, &found);
     }
     for (uint32_t v = 0; v + side <= s->height; v += pace)
         for (uint32_t u = 0; u + side <= s->width; u += pace) {
@@ -212,7 +214,7 @@ static bool save_all(const char *prefix, const scan *s, uint32_t lights, const l
     uint32_t smaller = e->width < e->height ? e->width : e->height, side = smaller < SIDE ? smaller : SIDE, x = 0,
              y = 0;
     float exposure = image_exposure(e);
-    most_edges(s, exact, lights, side, &x, &y);
+    worst_edges(s, exact, &lits[PLAIN], lights, side, &x, &y);
     printf(", \"x\": %u, \"y\": %u, \"side\": %u", x, y, side);
     bool ok = save(prefix, "exact", e, exposure, x, y, side, err);
     for (int i = 0; i < WAYS && ok; i++)

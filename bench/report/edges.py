@@ -106,7 +106,7 @@ def crops(a, row):
     refined = [way for way in ways if "-" not in way]
     parts = "".join(f'<div class="row crops">{"".join(map(enlarged, some))}</div>'
                     for some in (refined, [way for way in ways if way not in refined]))
-    place = '<p class="plot">Where most of the measured edges show, pixel by pixel and enlarged: ' \
+    place = '<p class="plot">Where the shifts of the unrefined edges show most, pixel by pixel and enlarged: ' \
             f'{number(row, "figures.side", "plain")} pixels a side at ({number(row, "figures.x", "plain")}, ' \
             f'{number(row, "figures.y", "plain")}), C_E = ' \
             f'{number(row, "figures.ce", "plain")}.</p>'
