@@ -397,7 +397,7 @@ class Points(unittest.TestCase):
 
     def test_variants_are_told_apart(self):
         entry = Entry({r["id"]: r for r in (row("cache", 2, 0.01), row("cache-once", 3, 0.01))}, "room", 0.02)
-        self.assertIn(">C_E = 8, 2 levels<", entry.cell("cache"))
+        self.assertIn(">C_E = 8, refined once<", entry.cell("cache"))
 
     def test_how_much_times_differ(self):
         frames = [row("estimate", k, 0.01, frames_s=[1.0, 1.1, most]) for k, most in ((1, 1.2), (2, 1.3), (3, 1.5))]
