@@ -30,7 +30,8 @@ static const way ways[] = {
     {"halton", ORDER_HALTON, 0},       {"scanline", ORDER_SCANLINE, 0},       {"random", ORDER_RANDOM, 0},
     {"halton-plain", ORDER_HALTON, 1}, {"scanline-plain", ORDER_SCANLINE, 1}, {"random-plain", ORDER_RANDOM, 1},
 };
-enum { WAYS = sizeof ways / sizeof *ways, PLAIN = 3, JOINED = 2, SIDE = 64 }; /* SIDE: of what is enlarged, in pixels */
+/* PLAIN: Halton order, not refined; SIDE: of what is enlarged, in pixels. */
+enum { WAYS = sizeof ways / sizeof *ways, PLAIN = 3, JOINED = 2, SIDE = 64 };
 
 /* A view with one eye sample a pixel. */
 typedef struct scan {

@@ -145,8 +145,8 @@ def section(a, rows, entries):
         return ""
     targets = list(dict.fromkeys(e.error for e in entries))
     drawn = plot(scenes(entries) + hard_lights(rows, targets), [e.target for e in entries[:2]])
-    knobs = "K: rays a path; C_E: eye samples a cell side; levels: of refinement, " \
-            f"{given('log2 C_E')} where none are named; T: tolerance. No mark, or a dash: no setting within the " \
+    knobs = "K: rays a path; C_E: eye samples a cell side, of cells refined down to one where nothing else is said; " \
+            "T: tolerance. No mark, or a dash: no setting within the " \
             f"error. Last: kinds of light alone in which no C_E makes a frame {given(f'{LITTLE:g}')} times as fast."
     items = "".join(f"<li><b>{METHODS[m].name}</b>: {words}</li>" for m, words in METHODS_SAID)
     said = sentence(rows, *([e for e in entries if e.error == t] for t in (targets[0], targets[-1])))
