@@ -64,7 +64,7 @@ static void check_shared(const bench *b, const vcache_prediction *p, float rays,
         sure = sum > 0.0 ? fmax(sure, per_sample * weight[i] / sum) : 1.0;
     for (uint32_t o = 0; o < offsets; o++) {
         vcache_pick *picks;
-        /* just enough: what is cut at would be seen, and larger memory takes the sanitizer most of the time */
+        /* just enough, so that a cut too early is seen; more would take the address sanitizer most of its time */
         uint32_t n = draw_shared(b, rays, samples, ((float)o + 0.5f) / (float)offsets, (uint32_t)rays + 3, &picks);
         if (sure < 0.999 && !(fabs((double)n - (double)rays) <= 1.0 + slack * (double)rays))
             fail_msg("%g rays: %u picks", (double)rays, n);
